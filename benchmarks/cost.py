@@ -38,7 +38,7 @@ from wingwatch.estimators.ekf.recursion import step_of
 from wingwatch.estimators.ekf.sample import Sample
 from wingwatch.estimators.ekf.state import arrays_of
 from wingwatch.monitor import Chain, VehicleMonitor
-from wingwatch.monitor.chain import nominal_condition
+from wingwatch.monitor.estimation.chain import nominal_condition
 from wingwatch.simulation import FleetSimulation, Scenario, doublet_schedule, simulate
 from wingwatch.telemetry import Cleaner, SampleBlock
 

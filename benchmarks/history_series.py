@@ -21,9 +21,9 @@ from wingwatch.aircraft import STRUCTURES
 from wingwatch.api.series import series_of
 from wingwatch.baselines import Database, EstimateRecord, HistoryWanted, open_database
 from wingwatch.monitor import VehicleMonitor
-from wingwatch.monitor.flight_record import KEPT_BLOCKS, FlightRecord
-from wingwatch.monitor.link_watch import KEPT_SECONDS, LinkWatch
+from wingwatch.monitor.fleet.member.link_watch import KEPT_SECONDS, LinkWatch
 from wingwatch.monitor.record_views import BlockRecord, ModeRecord
+from wingwatch.monitor.vehicle.flight_record import KEPT_BLOCKS, FlightRecord
 from wingwatch.simulation import demo_fleet, simulate
 from wingwatch.telemetry import SampleBlock, complete
 

@@ -37,8 +37,8 @@ from wingwatch.cli.service import running_service
 from wingwatch.cli.settings import ServeSettings
 from wingwatch.estimators import EkfEstimator, FourierEstimator, Signals, Standing
 from wingwatch.monitor import FleetMonitor, VehicleMonitor
-from wingwatch.monitor import fleet as fleet_module
-from wingwatch.monitor.judge import Judge
+from wingwatch.monitor.detection.judge import Judge
+from wingwatch.monitor.fleet import fleet_monitor as fleet_module
 from wingwatch.simulation import FleetSimulation, Scenario, doublet_schedule
 from wingwatch.telemetry import (
     JSON,

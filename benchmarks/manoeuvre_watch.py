@@ -18,7 +18,7 @@ from saving import run_benchmark
 
 from wingwatch.aircraft import load_aircraft
 from wingwatch.monitor import Solution, VehicleMonitor, verdict
-from wingwatch.monitor.manoeuvre_watch import FlownManoeuvre
+from wingwatch.monitor.vehicle.manoeuvre_watch import FlownManoeuvre
 from wingwatch.simulation import Manoeuvre, Scenario, doublet_schedule, simulate
 from wingwatch.telemetry import SampleBlock
 

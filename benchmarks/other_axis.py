@@ -37,7 +37,7 @@ from simulated_flights import (
 
 from wingwatch.aircraft import Aircraft, Mass, load_aircraft
 from wingwatch.estimators import Estimate, Outcome
-from wingwatch.monitor.chain import Chain
+from wingwatch.monitor.estimation.chain import Chain
 from wingwatch.simulation import DoubletSchedule, doublet_schedule
 from wingwatch.telemetry import SampleBlock
 

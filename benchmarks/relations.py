@@ -15,9 +15,9 @@ from saving import run_benchmark
 
 from wingwatch.aircraft import Aircraft
 from wingwatch.monitor import surface_kinds
-from wingwatch.monitor.redundancy import RedundancyWatch
-from wingwatch.monitor.redundancy.sequential import Finding
-from wingwatch.monitor.redundancy.watch import LOG_THRESHOLD
+from wingwatch.monitor.detection.redundancy import RedundancyWatch
+from wingwatch.monitor.detection.redundancy.sequential import Finding
+from wingwatch.monitor.detection.redundancy.watch import LOG_THRESHOLD
 from wingwatch.simulation.sensor_errors import SIMULATED
 from wingwatch.studies.flight import FlightMaker
 from wingwatch.studies.grid import KINDS, UNSENT, load_grid

@@ -20,7 +20,7 @@ from wingwatch.aircraft import (
 )
 from wingwatch.estimators import Estimate, FlightForm, InertiaCoupling, offsets
 from wingwatch.monitor import VehicleMonitor
-from wingwatch.monitor.chain import Chain, Solution
+from wingwatch.monitor.estimation.chain import Chain, Solution
 from wingwatch.simulation import FleetSimulation, Manoeuvre, Scenario, Turbulence
 from wingwatch.telemetry import SampleBlock, complete
 from wingwatch.telemetry.conditioning import align

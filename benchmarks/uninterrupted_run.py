@@ -6,12 +6,12 @@ from itertools import chain
 
 from wingwatch.aircraft import load_aircraft
 from wingwatch.monitor import AlertState, AlertView, JudgeConfig, VehicleMemory, VehicleMonitor
-from wingwatch.monitor.cell_memory import CellBookState
-from wingwatch.monitor.chain import SavedChain
-from wingwatch.monitor.checkpoint import CODEC, SavedVehicle
-from wingwatch.monitor.monitor_state import MonitorState
-from wingwatch.monitor.monitors import MonitorMaker
-from wingwatch.monitor.vehicle_alerts import AlertMemory
+from wingwatch.monitor.detection.cell_memory import CellBookState
+from wingwatch.monitor.detection.vehicle_alerts import AlertMemory
+from wingwatch.monitor.estimation.chain import SavedChain
+from wingwatch.monitor.fleet.monitors import MonitorMaker
+from wingwatch.monitor.vehicle.checkpoint import CODEC, SavedVehicle
+from wingwatch.monitor.vehicle.state import MonitorState
 from wingwatch.telemetry import AircraftMessage, SampleBlock, SensorsMessage
 
 AIRCRAFT = "aerosonde"

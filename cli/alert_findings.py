@@ -9,7 +9,7 @@ from typing import Any
 
 from wingwatch.api import DiagnosisState, DiagnosisView
 from wingwatch.monitor import CAUSES, AlertFinding, AlertView, CandidateView, Correction
-from wingwatch.monitor.redundancy.hypotheses import HYPOTHESES
+from wingwatch.monitor.detection.redundancy.hypotheses import HYPOTHESES
 
 __all__ = ["asked_causes", "finding_of", "refused"]
 

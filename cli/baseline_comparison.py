@@ -94,7 +94,7 @@ def affine_at(structure: ModeStructure, aircraft: Aircraft, conditions: Sequence
     try:
         form = AffineForm(structure, aircraft)
     except AircraftDataError:
-        from wingwatch.monitor.comparison import Coordinates
+        from wingwatch.monitor.detection.comparison import Coordinates
 
         nominal = aircraft.nominal_condition
         reference = (nominal.airspeed_true_m_s, nominal.air_density_kg_m3) if nominal else (1.0, 1.0)

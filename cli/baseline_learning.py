@@ -28,8 +28,8 @@ from wingwatch.cli.flight_watch import watch
 from wingwatch.cli.progress import Progress
 from wingwatch.cli.unusable import refuse_unusable
 from wingwatch.monitor import CellPlace, MonitorStart, Report, VehicleMemory, VehicleMonitor
-from wingwatch.monitor.blocks import FOURIER, BlockView
-from wingwatch.monitor.comparison import natural_size, without_bias
+from wingwatch.monitor.detection.blocks import FOURIER, BlockView
+from wingwatch.monitor.detection.comparison import natural_size, without_bias
 from wingwatch.telemetry import FlightTable
 
 __all__ = ["LEARNED", "FlownCell", "Lesson", "Student", "digest_of", "identified_entries"]

@@ -24,7 +24,7 @@ from wingwatch.monitor import (
     decode_checkpoint,
     encode_checkpoint,
 )
-from wingwatch.monitor.checkpoint import MOST_BYTES
+from wingwatch.monitor.vehicle.checkpoint import MOST_BYTES
 
 __all__ = ["CheckpointFolder"]
 

@@ -20,7 +20,7 @@ from wingwatch.cli.surface_travel import surface_travel
 from wingwatch.cli.unusable import refuse_unusable
 from wingwatch.diagnosis.repeats import FlownWindow, RepeatedDerivative, RepeatedManoeuvre, repeats
 from wingwatch.monitor import Report, VehicleMonitor
-from wingwatch.monitor.manoeuvre_watch import FlownManoeuvre
+from wingwatch.monitor.vehicle.manoeuvre_watch import FlownManoeuvre
 from wingwatch.telemetry import load_flight
 
 __all__ = ["check_repeats", "run_repeats"]

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from wingwatch.aircraft import STRUCTURES, Aircraft
 from wingwatch.baselines import DECLARED, MEASURED, CellMemory, Envelope, Expectation, Reference
 from wingwatch.monitor import AlertView
-from wingwatch.monitor.cell_memory import CellPlace
-from wingwatch.monitor.checkpoint import CODEC
+from wingwatch.monitor.detection.cell_memory import CellPlace
 from wingwatch.monitor.ports import VehicleMemory
+from wingwatch.monitor.vehicle.checkpoint import CODEC
 
 __all__ = [
     "decode_earlier_alerts",

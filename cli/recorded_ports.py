@@ -8,10 +8,10 @@ from wingwatch.cli.recorded_memory import encode_earlier_alerts, encode_envelope
 from wingwatch.cli.recorder import Recorder
 from wingwatch.cli.store import DatabaseStore
 from wingwatch.monitor import AlertView, SavedVehicle, encode_checkpoint
-from wingwatch.monitor.cell_memory import CellPlace
-from wingwatch.monitor.checkpoint import Checkpoint
+from wingwatch.monitor.detection.cell_memory import CellPlace
+from wingwatch.monitor.fleet.resuming import Checkpoints
 from wingwatch.monitor.ports import ActionPlan, VehicleMemory
-from wingwatch.monitor.resuming import Checkpoints
+from wingwatch.monitor.vehicle.checkpoint import Checkpoint
 
 __all__ = ["RecordedCheckpoints", "RecordedStore"]
 

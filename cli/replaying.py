@@ -10,7 +10,7 @@ from wingwatch.baselines import ChangeRecord, Envelope, EstimateRecord, Referenc
 from wingwatch.cli.recorded_memory import decode_earlier_alerts, decode_envelopes, decode_memory
 from wingwatch.cli.recorder import alert_message, estimate_message
 from wingwatch.monitor import AlertView, FleetMonitor, FleetPorts, SavedVehicle, decode_checkpoint
-from wingwatch.monitor.cell_memory import CellPlace
+from wingwatch.monitor.detection.cell_memory import CellPlace
 from wingwatch.monitor.ports import ActionPlan, VehicleMemory
 from wingwatch.telemetry import InboundMessage
 from wingwatch.telemetry.keys import KEY_ROOT

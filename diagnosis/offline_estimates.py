@@ -44,8 +44,8 @@ from wingwatch.estimators import (
     solved_as,
 )
 from wingwatch.monitor import VehicleMonitor
-from wingwatch.monitor.chain import nominal_condition
-from wingwatch.monitor.mode_object import mode_object
+from wingwatch.monitor.estimation.chain import nominal_condition
+from wingwatch.monitor.vehicle.mode_object import mode_object
 from wingwatch.telemetry import FlightTable, SampleBlock
 
 __all__ = [

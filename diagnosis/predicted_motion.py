@@ -24,7 +24,7 @@ from wingwatch.estimators.batch.output_error_problem import (
     start_at,
 )
 from wingwatch.estimators.batch.regression import common_forces, sensor_noise
-from wingwatch.monitor.chain import nominal_condition
+from wingwatch.monitor.estimation.chain import nominal_condition
 from wingwatch.telemetry import INPUT_CHANNELS, FlightTable, SampleBlock
 
 __all__ = ["Derivatives", "MotionChannel", "PredictedManoeuvre", "predicted_motion"]

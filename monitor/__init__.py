@@ -15,11 +15,18 @@ Example:
     ('healthy', 'no change against what is expected', 0)
 """
 
-from wingwatch.monitor.alert_finding import AlertFinding, Correction
-from wingwatch.monitor.causes import CAUSES, Cause
-from wingwatch.monitor.cell_memory import CellBook, CellPlace
-from wingwatch.monitor.chain import Chain, Solution
-from wingwatch.monitor.checkpoint import (
+from wingwatch.monitor.detection.alert_finding import AlertFinding, Correction
+from wingwatch.monitor.detection.causes import CAUSES, Cause
+from wingwatch.monitor.detection.cell_memory import CellBook, CellPlace
+from wingwatch.monitor.detection.judge import JudgeConfig
+from wingwatch.monitor.estimation.chain import Chain, Solution
+from wingwatch.monitor.fleet.diagnoses import AlertFlight
+from wingwatch.monitor.fleet.fleet_monitor import FleetMonitor, FleetPorts
+from wingwatch.monitor.fleet.member.sample_ring import SampleRing
+from wingwatch.monitor.fleet.resuming import Checkpoints
+from wingwatch.monitor.fleet.settings import FleetSettings
+from wingwatch.monitor.ports import ActionPlan, ActionRequest, Outputs, Store, VehicleMemory
+from wingwatch.monitor.vehicle.checkpoint import (
     Checkpoint,
     CheckpointError,
     SavedVehicle,
@@ -27,15 +34,8 @@ from wingwatch.monitor.checkpoint import (
     default_settings,
     encode_checkpoint,
 )
-from wingwatch.monitor.fleet import FleetMonitor, FleetPorts
-from wingwatch.monitor.fleet_diagnoses import AlertFlight
-from wingwatch.monitor.fleet_settings import FleetSettings
-from wingwatch.monitor.judge import JudgeConfig
-from wingwatch.monitor.manoeuvre_verdict import verdict
-from wingwatch.monitor.ports import ActionPlan, ActionRequest, Outputs, Store, VehicleMemory
-from wingwatch.monitor.resuming import Checkpoints
-from wingwatch.monitor.sample_ring import SampleRing
-from wingwatch.monitor.vehicle import MonitorStart, Report, VehicleMonitor, surface_kinds
+from wingwatch.monitor.vehicle.manoeuvre_verdict import verdict
+from wingwatch.monitor.vehicle.vehicle_monitor import MonitorStart, Report, VehicleMonitor, surface_kinds
 from wingwatch.monitor.views import (
     AlertAction,
     AlertGroupView,

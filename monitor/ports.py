@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 from wingwatch.aircraft import Aircraft
 from wingwatch.baselines import CellMemory, ChangeRecord, Envelope, EstimateRecord, Reference
-from wingwatch.monitor.cell_memory import CellPlace
+from wingwatch.monitor.detection.cell_memory import CellPlace
 from wingwatch.monitor.views import AlertAction, AlertView, ProposedInputView, VehicleView
 from wingwatch.telemetry import ServiceStream
 

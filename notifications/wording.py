@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from wingwatch.monitor import CAUSES
-from wingwatch.monitor.redundancy.hypotheses import HYPOTHESES
+from wingwatch.monitor.detection.redundancy.hypotheses import HYPOTHESES
 from wingwatch.notifications.notice import Notice, Step
 
 __all__ = ["described", "short_text", "summary"]

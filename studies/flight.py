@@ -10,8 +10,8 @@ from threadpoolctl import threadpool_limits
 
 from wingwatch.aircraft import Aircraft
 from wingwatch.monitor import Chain
-from wingwatch.monitor.chain import STRUCTURES_WATCHED
-from wingwatch.monitor.together import feed_together
+from wingwatch.monitor.estimation.chain import STRUCTURES_WATCHED
+from wingwatch.monitor.fleet.together import feed_together
 from wingwatch.simulation import (
     FleetSimulation,
     Scenario,

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from wingwatch.aircraft import ModeStructure, TrimError
 from wingwatch.monitor import AlertView
-from wingwatch.monitor.comparison import Coordinates
+from wingwatch.monitor.detection.comparison import Coordinates
 from wingwatch.simulation import (
     Effect,
     linearise,

@@ -20,8 +20,8 @@ from wingwatch.monitor import (
     VehicleMonitor,
     surface_kinds,
 )
-from wingwatch.monitor.blocks import FOURIER, BlockView, ModeBlock
-from wingwatch.monitor.comparison import change_since
+from wingwatch.monitor.detection.blocks import FOURIER, BlockView, ModeBlock
+from wingwatch.monitor.detection.comparison import change_since
 from wingwatch.simulation import (
     EFFECTS,
     Effect,

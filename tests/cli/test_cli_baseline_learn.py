@@ -11,7 +11,7 @@ from wingwatch.baselines import BaselineLedger, CellMemory, Reference, Reference
 from wingwatch.cli.flight_watch import load, watch
 from wingwatch.cli.progress import Progress
 from wingwatch.monitor import CellPlace, MonitorStart, VehicleMemory
-from wingwatch.monitor.blocks import FOURIER
+from wingwatch.monitor.detection.blocks import FOURIER
 from wingwatch.telemetry import SampleBlock, write_flight
 
 TYPE = ["--aircraft", "aerosonde"]

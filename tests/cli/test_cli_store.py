@@ -39,7 +39,7 @@ from wingwatch.monitor import (
     Shelving,
     VehicleMemory,
 )
-from wingwatch.monitor.alerts import act
+from wingwatch.monitor.detection.alerts import act
 
 ALERT = AlertView(
     id="a1", fleet="default", vehicle="uav1", kind="icing", cause="icing", level="warning",

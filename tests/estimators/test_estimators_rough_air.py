@@ -5,7 +5,7 @@ import pytest
 from estimator_plants import PLANTS
 
 from wingwatch.estimators import EkfConfig, EkfEstimator
-from wingwatch.monitor.roughness import follow_motion
+from wingwatch.monitor.estimation.roughness import follow_motion
 
 SHORT = PLANTS["short_period"]
 

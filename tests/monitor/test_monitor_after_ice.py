@@ -5,7 +5,7 @@ import pytest
 
 from wingwatch.aircraft import LATERAL, Aircraft, FlightCondition, load_aircraft
 from wingwatch.monitor import AlertView, VehicleMonitor
-from wingwatch.monitor.chain import Solution
+from wingwatch.monitor.estimation.chain import Solution
 from wingwatch.simulation import FleetSimulation, Icing, Scenario, Turbulence, doublet_schedule, linearise
 from wingwatch.telemetry import SampleBlock, complete
 

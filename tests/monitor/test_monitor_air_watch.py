@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wingwatch.aircraft import load_aircraft
-from wingwatch.monitor.air_watch import AirState, AirWatch, PendingAir
+from wingwatch.monitor.estimation.air_watch import AirState, AirWatch, PendingAir
 from wingwatch.monitor.state_codec import Codec
 from wingwatch.simulation import FleetSimulation, Scenario, Turbulence, gust_scales
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock

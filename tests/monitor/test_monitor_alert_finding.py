@@ -6,7 +6,7 @@ import pytest
 from fleet_hall import OLD_ALERT
 
 from wingwatch.monitor import AlertFinding, AlertState, AlertView, CandidateView, Correction
-from wingwatch.monitor.alert_ledger import AlertLedger
+from wingwatch.monitor.fleet.alert_ledger import AlertLedger
 
 RAISED = replace(OLD_ALERT, id="a", kind="unexplained", cause="unknown", size=0.3, size_standard_error=0.03)
 SHIFT = Correction(

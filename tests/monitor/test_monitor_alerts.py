@@ -9,11 +9,11 @@ import pytest
 from wingwatch.aircraft import SHORT_PERIOD, FlightCondition, load_aircraft
 from wingwatch.baselines import Expectation, apriori_envelope
 from wingwatch.monitor import AlertAction, AlertState, AlertView
-from wingwatch.monitor.alerts import CLEAR_BLOCKS, AlertBook, act
-from wingwatch.monitor.blocks import BlockView, Evidence, ModeBlock
-from wingwatch.monitor.causes import CAUSES, UNEXPLAINED, Cause
-from wingwatch.monitor.comparison import Change, Coordinates, change_since
-from wingwatch.monitor.judge import Judge, JudgeState, Verdict
+from wingwatch.monitor.detection.alerts import CLEAR_BLOCKS, AlertBook, act
+from wingwatch.monitor.detection.blocks import BlockView, Evidence, ModeBlock
+from wingwatch.monitor.detection.causes import CAUSES, UNEXPLAINED, Cause
+from wingwatch.monitor.detection.comparison import Change, Coordinates, change_since
+from wingwatch.monitor.detection.judge import Judge, JudgeState, Verdict
 
 AIRCRAFT = load_aircraft("aerosonde")
 CONDITION = FlightCondition(25.0, 1000.0, angle_of_attack_rad=0.05)

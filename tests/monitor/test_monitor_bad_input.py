@@ -11,7 +11,7 @@ from wingwatch.aircraft import load_aircraft
 from wingwatch.api import vehicle_document
 from wingwatch.api.answers import json_answer
 from wingwatch.monitor import FleetSettings, VehicleMonitor, VehicleState
-from wingwatch.monitor.solution_times import LEAST_ROWS
+from wingwatch.monitor.estimation.solution_times import LEAST_ROWS
 from wingwatch.simulation import ElevatorEffectiveness
 from wingwatch.telemetry import CHANNELS, SampleBlock
 
@@ -205,7 +205,7 @@ def test_an_alert_stands_through_faults_and_says_so(monkeypatch: pytest.MonkeyPa
 def test_samples_do_not_pile_up_for_a_monitor_that_cannot_be_made(
     hall: Hall, flight: SampleBlock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("wingwatch.monitor.monitors.VehicleMonitor", lambda *_, **__: 1 / 0)
+    monkeypatch.setattr("wingwatch.monitor.fleet.monitors.VehicleMonitor", lambda *_, **__: 1 / 0)
     hall.fly(flight, 0, 3)
     assert (hall.view().state, hall.view().counts["faults"]) == (VehicleState.UNKNOWN, 3)
     monkeypatch.undo()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wingwatch.aircraft import LATERAL, SHORT_PERIOD
-from wingwatch.monitor.calm_air import CALM_S, KNOWN, follow_calm, is_calm, surface_moved
+from wingwatch.monitor.estimation.calm_air import CALM_S, KNOWN, follow_calm, is_calm, surface_moved
 
 
 def followed(*told: tuple[float, bool, bool]) -> bool:

@@ -8,7 +8,7 @@ from wingwatch.aircraft import SHORT_PERIOD, FlightCondition, load_aircraft
 from wingwatch.baselines import Cell, CellMemory, Reference
 from wingwatch.estimators import BlockEvidence
 from wingwatch.monitor import CellBook, CellPlace, MonitorStart, VehicleMemory, VehicleMonitor
-from wingwatch.monitor.comparison import Coordinates
+from wingwatch.monitor.detection.comparison import Coordinates
 from wingwatch.simulation import Scenario, doublet_schedule, simulate
 from wingwatch.telemetry import SampleBlock, complete
 

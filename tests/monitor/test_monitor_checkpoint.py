@@ -14,10 +14,16 @@ from monitor_flights import bits, pieces
 from wingwatch.aircraft import Aircraft, FlightCondition, load_aircraft
 from wingwatch.estimators import EkfEstimator
 from wingwatch.monitor import Report, VehicleMonitor
-from wingwatch.monitor.alerts import AlertBook, BookState
-from wingwatch.monitor.cell_memory import CellBook, CellBookState
-from wingwatch.monitor.chain import ChainState, SavedChain
-from wingwatch.monitor.checkpoint import (
+from wingwatch.monitor.detection.alerts import AlertBook, BookState
+from wingwatch.monitor.detection.cell_memory import CellBook, CellBookState
+from wingwatch.monitor.detection.judge import JudgeConfig
+from wingwatch.monitor.detection.redundancy import RedundancyWatch, VehicleRelations
+from wingwatch.monitor.estimation.chain import ChainState, SavedChain
+from wingwatch.monitor.estimation.supervision import ModeSolution
+from wingwatch.monitor.fleet.monitors import MonitorMaker
+from wingwatch.monitor.fleet.together import feed_together
+from wingwatch.monitor.ports import VehicleMemory
+from wingwatch.monitor.vehicle.checkpoint import (
     CODEC,
     Checkpoint,
     CheckpointError,
@@ -26,13 +32,7 @@ from wingwatch.monitor.checkpoint import (
     encode_checkpoint,
     settings_of,
 )
-from wingwatch.monitor.judge import JudgeConfig
-from wingwatch.monitor.monitor_state import MonitorState, SavedMode, SavedSolution
-from wingwatch.monitor.monitors import MonitorMaker
-from wingwatch.monitor.ports import VehicleMemory
-from wingwatch.monitor.redundancy import RedundancyWatch, VehicleRelations
-from wingwatch.monitor.supervision import ModeSolution
-from wingwatch.monitor.together import feed_together
+from wingwatch.monitor.vehicle.state import MonitorState, SavedMode, SavedSolution
 from wingwatch.simulation import ElevatorEffectiveness, Scenario, doublet_schedule, simulate
 from wingwatch.telemetry import (
     CHANNEL_INDEX,

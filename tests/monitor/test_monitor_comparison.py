@@ -11,7 +11,7 @@ from scipy.integrate import quad
 from scipy.stats import multivariate_normal
 
 from wingwatch.aircraft import SHORT_PERIOD, FlightCondition, load_aircraft
-from wingwatch.monitor.comparison import (
+from wingwatch.monitor.detection.comparison import (
     Change,
     Coordinates,
     along,

@@ -3,7 +3,7 @@
 import threading
 import time
 
-from wingwatch.monitor.fair_lock import FairLock
+from wingwatch.monitor.fleet.fair_lock import FairLock
 
 PATIENCE_S = 60.0
 

@@ -6,7 +6,7 @@ import pytest
 from wingwatch.aircraft import LATERAL, FlightCondition, linearised_derivatives, load_aircraft, trimmed
 from wingwatch.estimators import padded
 from wingwatch.monitor import VehicleMonitor, surface_kinds
-from wingwatch.monitor.chain import Chain
+from wingwatch.monitor.estimation.chain import Chain
 from wingwatch.simulation import FleetSimulation, Scenario, doublet_schedule
 from wingwatch.telemetry import SampleBlock, complete
 

@@ -8,8 +8,8 @@ from fleet_hall import AEROSONDE, Hall, fly_doublets
 
 from wingwatch.estimators import Outcome
 from wingwatch.monitor import VehicleMonitor, VehicleState, WorstDerivative, vehicle
-from wingwatch.monitor.air_watch import PendingAir
-from wingwatch.monitor.furthest import PendingWorst, furthest
+from wingwatch.monitor.detection.furthest import PendingWorst, furthest
+from wingwatch.monitor.estimation.air_watch import PendingAir
 from wingwatch.monitor.positions import Position
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock
 from wingwatch.telemetry.conditioning import AirQuality

@@ -5,10 +5,10 @@ import pytest
 from fleet_hall import Hall, fly_doublets
 from test_monitor_judge import Bench
 
-from wingwatch.monitor.blocks import EKF, FOURIER
-from wingwatch.monitor.flight_record import KEPT_BLOCKS, FlightRecord, information_bit, innovation
-from wingwatch.monitor.judge import Judge
+from wingwatch.monitor.detection.blocks import EKF, FOURIER
+from wingwatch.monitor.detection.judge import Judge
 from wingwatch.monitor.record_views import BlockRecord, ModeRecord
+from wingwatch.monitor.vehicle.flight_record import KEPT_BLOCKS, FlightRecord, information_bit, innovation
 
 BLOCKS, LEARNED = 220, 20
 

@@ -7,7 +7,7 @@ import pytest
 from fleet_hall import AEROSONDE, Hall, fly_doublets, second
 
 from wingwatch.monitor import VehicleState
-from wingwatch.monitor.flight_regime import FlightRegime, RegimeState, least_stall_speed_m_s
+from wingwatch.monitor.estimation.flight_regime import FlightRegime, RegimeState, least_stall_speed_m_s
 from wingwatch.telemetry import MAX_GAP_S, SampleBlock
 
 RATE_HZ = 50.0

@@ -7,7 +7,7 @@ import pytest
 
 from wingwatch.aircraft import FlightCondition, load_aircraft
 from wingwatch.monitor import MonitorStart, VehicleMonitor, WorstDerivative
-from wingwatch.monitor.furthest import PendingWorst, furthest
+from wingwatch.monitor.detection.furthest import PendingWorst, furthest
 from wingwatch.simulation import Scenario, doublet_schedule, simulate
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock
 

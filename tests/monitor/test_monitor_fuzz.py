@@ -13,8 +13,8 @@ from fleet_hall import AEROSONDE, Hall, fly_doublets, second
 from fuzz_messages import Fuzzer
 
 from wingwatch.monitor import FleetMonitor, VehicleMonitor, VehicleState
-from wingwatch.monitor.chain import condition_of
-from wingwatch.monitor.pieces import PIECE_ROWS, PIECE_S, pieces
+from wingwatch.monitor.estimation.chain import condition_of
+from wingwatch.monitor.fleet.member.pieces import PIECE_ROWS, PIECE_S, pieces
 from wingwatch.telemetry import JSON, SampleBlock, SensorsMessage
 
 REQUIRED = (
@@ -115,8 +115,8 @@ def test_a_vehicle_that_sends_more_than_may_wait_loses_nothing(
     flight: SampleBlock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its monitor is then made at once, and its samples are taken in before the next message is."""
-    monkeypatch.setattr("wingwatch.monitor.fleet._MOST_HELD", 60)
-    monkeypatch.setattr("wingwatch.monitor.fleet._MOST_WAITING", 30)
+    monkeypatch.setattr("wingwatch.monitor.fleet.fleet_monitor._MOST_HELD", 60)
+    monkeypatch.setattr("wingwatch.monitor.fleet.fleet_monitor._MOST_WAITING", 30)
     hall = Hall()
     hall.announce()
     hall.fleet.prepare_with(Never())
@@ -173,7 +173,7 @@ def test_what_cannot_be_prepared_is_a_fault_of_that_vehicle(
         raise ZeroDivisionError("no such flight")
 
     hall = Hall()
-    monkeypatch.setattr("wingwatch.monitor.monitors.apriori_envelope", failing)
+    monkeypatch.setattr("wingwatch.monitor.fleet.monitors.apriori_envelope", failing)
     with ThreadPoolExecutor(1) as executor:
         hall.fleet.prepare_with(executor)
         hall.announce()
@@ -216,7 +216,7 @@ def test_a_kernel_that_fails_is_a_fault_of_its_vehicles_and_ends_no_call(
     hall.announce()
     hall.announce("other")
     hall.fly(flight, 0, 2)
-    monkeypatch.setattr("wingwatch.monitor.supervision.Supervisor.take", lambda *_: 1 / 0)
+    monkeypatch.setattr("wingwatch.monitor.estimation.supervision.Supervisor.take", lambda *_: 1 / 0)
     hall.fly(flight, 2, 3)
     assert hall.view().counts["faults"] == 1
     assert "ZeroDivisionError" in hall.view().reason

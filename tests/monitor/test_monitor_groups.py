@@ -8,7 +8,7 @@ import pytest
 from fleet_hall import OLD_ALERT, Hall, fly_doublets
 
 from wingwatch.monitor import AlertState, AlertView
-from wingwatch.monitor.fleet_groups import ABOVE_M, NEAR_M, WITHIN_S, IcingGroups
+from wingwatch.monitor.fleet.groups import ABOVE_M, NEAR_M, WITHIN_S, IcingGroups
 from wingwatch.monitor.positions import Place, Position, near_one_another, position_of
 from wingwatch.telemetry import SampleBlock
 

@@ -7,10 +7,10 @@ import pytest
 
 from wingwatch.aircraft import LATERAL, SHORT_PERIOD, FlightCondition, load_aircraft
 from wingwatch.baselines import Expectation, apriori_envelope
-from wingwatch.monitor.blocks import EKF, FOURIER, BlockView, Evidence, ModeBlock
-from wingwatch.monitor.causes import CAUSES
-from wingwatch.monitor.comparison import Coordinates, informative_part
-from wingwatch.monitor.judge import Judge, JudgeState, Verdict, _anything
+from wingwatch.monitor.detection.blocks import EKF, FOURIER, BlockView, Evidence, ModeBlock
+from wingwatch.monitor.detection.causes import CAUSES
+from wingwatch.monitor.detection.comparison import Coordinates, informative_part
+from wingwatch.monitor.detection.judge import Judge, JudgeState, Verdict, _anything
 
 AIRCRAFT = load_aircraft("aerosonde")
 CONDITION = FlightCondition(25.0, 1000.0, angle_of_attack_rad=0.05)

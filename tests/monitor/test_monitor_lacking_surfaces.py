@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from wingwatch.aircraft import DUTCH_ROLL, LATERAL, SHORT_PERIOD, Aircraft, load_aircraft
-from wingwatch.monitor.could_see import beside_lacking
-from wingwatch.monitor.lacking_surfaces import (
+from wingwatch.monitor.detection.could_see import beside_lacking
+from wingwatch.monitor.estimation.lacking_surfaces import (
     derivatives_by,
     disturbed_by,
     known_beside,

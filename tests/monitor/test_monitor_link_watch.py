@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from wingwatch.monitor.link_watch import KEPT_SECONDS, LinkWatch
+from wingwatch.monitor.fleet.member.link_watch import KEPT_SECONDS, LinkWatch
 
 
 def stream(watch: LinkWatch, from_s: float, to_s: float, delay_s: float = 0.1, at_s: float = 1000.0) -> None:

@@ -25,7 +25,7 @@ from wingwatch.aircraft import (
 )
 from wingwatch.baselines import Cell, CellMemory, Envelope, Expectation, Reference, apriori_envelope
 from wingwatch.monitor import AlertAction, AlertState, VehicleMemory, VehicleState
-from wingwatch.monitor.loading import Loading, loading_of
+from wingwatch.monitor.fleet.member.loading import Loading, loading_of
 from wingwatch.simulation import CgShift, MassInertia, Scenario, doublet_schedule, linearise, simulate
 from wingwatch.telemetry import AircraftMessage, SampleBlock
 

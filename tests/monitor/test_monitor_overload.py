@@ -4,8 +4,8 @@ import pytest
 from fleet_hall import Hall, fly_doublets, second
 
 from wingwatch.monitor import VehicleState
-from wingwatch.monitor.overload import LATE_S, Overload
-from wingwatch.monitor.pace import Pace
+from wingwatch.monitor.fleet.left_out import LATE_S, Overload
+from wingwatch.monitor.fleet.member.pace import Pace
 from wingwatch.simulation import ElevatorEffectiveness
 from wingwatch.telemetry import SampleBlock
 
@@ -220,7 +220,7 @@ def test_a_vehicle_of_which_much_waits_is_said_to_have_enough(
     hall = Hall()
     hall.announce()
     assert not hall.fleet.has_enough("default", "uav")
-    monkeypatch.setattr("wingwatch.monitor.fleet._AT_ONCE_S", -1.0)
+    monkeypatch.setattr("wingwatch.monitor.fleet.fleet_monitor._AT_ONCE_S", -1.0)
     for k in range(5):
         hall.sample(SampleBlock(flight.values[200 * k : 200 * (k + 1)]), k)
     assert hall.fleet.has_enough("default", "uav")

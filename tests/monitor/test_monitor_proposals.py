@@ -11,11 +11,11 @@ from fleet_hall import AEROSONDE, Clock, Hall, fly_doublets
 
 from wingwatch.aircraft import FlightCondition
 from wingwatch.monitor import CouldSeeView, FleetSettings, ProposedInputView, VehicleState
-from wingwatch.monitor.fleet_context import FleetContext
-from wingwatch.monitor.fleet_proposals import LEAST_FLIGHT_S, LOOK_S, FleetProposals
-from wingwatch.monitor.known_vehicle import KnownVehicle
-from wingwatch.monitor.proposing import VALID_S, proposed_input, wanted_surface
-from wingwatch.monitor.vehicle import VehicleMonitor
+from wingwatch.monitor.fleet.context import FleetContext
+from wingwatch.monitor.fleet.member.known_vehicle import KnownVehicle
+from wingwatch.monitor.fleet.proposals import LEAST_FLIGHT_S, LOOK_S, FleetProposals
+from wingwatch.monitor.vehicle.proposing import VALID_S, proposed_input, wanted_surface
+from wingwatch.monitor.vehicle.vehicle_monitor import VehicleMonitor
 
 CRUISE = FlightCondition(25.0, 1000.0)
 STILL = replace(CRUISE, angle_of_attack_rad=0.05)
@@ -149,7 +149,7 @@ def _designed(monkeypatch: pytest.MonkeyPatch) -> None:
         surface = monitor.unseen_surfaces[0]
         return ProposedInputView(new_id(), surface, shape, 0.03, 0.2, 0.4, (), "why", now_s, now_s + VALID_S)
 
-    monkeypatch.setattr("wingwatch.monitor.fleet_proposals.proposed_input", proposed)
+    monkeypatch.setattr("wingwatch.monitor.fleet.proposals.proposed_input", proposed)
 
 
 def one(**changes: Any) -> Room:
@@ -224,7 +224,7 @@ def test_one_vehicle_is_looked_at_a_second_each_in_its_turn() -> None:
 def test_the_service_says_it_on_its_key_and_in_the_vehicles_view(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.undo()  # the real design
     monkeypatch.setattr(VehicleMonitor, "in_rough_air", False)  # that is known after half a minute
-    monkeypatch.setattr("wingwatch.monitor.fleet_proposals.LEAST_FLIGHT_S", 2.0)
+    monkeypatch.setattr("wingwatch.monitor.fleet.proposals.LEAST_FLIGHT_S", 2.0)
     hall, flight = Hall(FleetSettings(excite=True)), fly_doublets(4.0)
     hall.announce()
     hall.fly(flight, 0, 4)

@@ -152,7 +152,7 @@ def test_a_monitor_that_is_restored_amid_a_fault_says_the_same() -> None:
 
 def test_a_surface_that_is_only_commanded_has_no_position_to_compare() -> None:
     monitor, _ = monitor_of(flown(), hidden=("elevator_rad", "aileron_rad", "rudder_rad"))
-    absent = monitor.chain.redundancy.absent
+    absent = monitor.relations.absent
     assert "known by its command alone" in absent["elevator position against its command"]
 
 

@@ -8,9 +8,9 @@ import pytest
 
 from wingwatch.aircraft import Aircraft, load_aircraft
 from wingwatch.monitor import surface_kinds
-from wingwatch.monitor.redundancy import RedundancyState, RedundancyWatch
-from wingwatch.monitor.redundancy.layout import AXIAL, SIDE, YAWING, parameter_index
-from wingwatch.monitor.redundancy.watch import LOG_THRESHOLD
+from wingwatch.monitor.detection.redundancy import RedundancyState, RedundancyWatch
+from wingwatch.monitor.detection.redundancy.layout import AXIAL, SIDE, YAWING, parameter_index
+from wingwatch.monitor.detection.redundancy.watch import LOG_THRESHOLD
 from wingwatch.simulation import FleetSimulation, Scenario, TurbulenceOnset, doublet_schedule
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock, complete
 

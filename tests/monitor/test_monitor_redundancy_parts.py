@@ -7,10 +7,17 @@ import pytest
 from redundancy_flights import AEROSONDE, flown, monitor_of
 
 from wingwatch.aircraft import load_aircraft, propulsion_thrust_n
-from wingwatch.monitor.redundancy.evidence import Changes, Reference, changes_since, closed, merged
-from wingwatch.monitor.redundancy.hypotheses import HYPOTHESES, USED_BY
-from wingwatch.monitor.redundancy.layout import COLUMNS, FLOORS, PITCH, RELATIONS, ROWS, parameter_index
-from wingwatch.monitor.redundancy.samples import (
+from wingwatch.monitor.detection.redundancy.evidence import Changes, Reference, changes_since, closed, merged
+from wingwatch.monitor.detection.redundancy.hypotheses import HYPOTHESES, USED_BY
+from wingwatch.monitor.detection.redundancy.layout import (
+    COLUMNS,
+    FLOORS,
+    PITCH,
+    RELATIONS,
+    ROWS,
+    parameter_index,
+)
+from wingwatch.monitor.detection.redundancy.samples import (
     END_S,
     START_S,
     new_memory,
@@ -18,8 +25,8 @@ from wingwatch.monitor.redundancy.samples import (
     take_samples,
     thrust_n,
 )
-from wingwatch.monitor.redundancy.sequential import rank
-from wingwatch.monitor.redundancy.set_up import model_of
+from wingwatch.monitor.detection.redundancy.sequential import rank
+from wingwatch.monitor.detection.redundancy.set_up import model_of
 from wingwatch.telemetry import CHANNEL_INDEX, CHANNELS
 
 N = len(RELATIONS)
@@ -40,7 +47,7 @@ def test_compiled_thrust_is_that_of_the_aircraft_file(name: str) -> None:
 def _segments(values: np.ndarray) -> list:  # type: ignore[type-arg]
     """Closed segments of a flight, nothing forced."""
     monitor, block = monitor_of(values)
-    model = monitor.chain.redundancy.model
+    model = monitor.relations.model
     memory, segment = new_memory(np.array([RELATIONS[i].drift for i in ROWS])), new_segment()
     found, first, rows = [], 0, np.ascontiguousarray(block.values)
     while first < len(rows):

@@ -6,8 +6,8 @@ import numpy as np
 
 from wingwatch.aircraft import load_aircraft
 from wingwatch.monitor import surface_kinds
-from wingwatch.monitor.redundancy import RedundancyWatch
-from wingwatch.monitor.redundancy.watch import LOG_THRESHOLD
+from wingwatch.monitor.detection.redundancy import RedundancyWatch
+from wingwatch.monitor.detection.redundancy.watch import LOG_THRESHOLD
 from wingwatch.simulation import Effect, FleetSimulation, Scenario, demo_fleet, parse_effect
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock, complete
 

@@ -9,11 +9,11 @@ import pytest
 from redundancy_flights import flown, watched
 
 from wingwatch.monitor import AlertAction, AlertState, AlertView
-from wingwatch.monitor.alert_ledger import AlertLedger
-from wingwatch.monitor.alerts import AlertBook, act, raised_again
+from wingwatch.monitor.detection.alerts import AlertBook, act, raised_again
+from wingwatch.monitor.detection.redundancy import VehicleRelations
+from wingwatch.monitor.detection.vehicle_alerts import REPEAT_S, VehicleAlerts
+from wingwatch.monitor.fleet.alert_ledger import AlertLedger
 from wingwatch.monitor.ports import ActionRequest
-from wingwatch.monitor.redundancy import VehicleRelations
-from wingwatch.monitor.vehicle_alerts import REPEAT_S, VehicleAlerts
 from wingwatch.monitor.views import Shelving, repeats_in
 from wingwatch.telemetry import CHANNEL_INDEX
 

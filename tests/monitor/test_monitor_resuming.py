@@ -9,8 +9,8 @@ import pytest
 from fleet_hall import AEROSONDE, HANGAR, PIECE, FakeCheckpoints, FakeStore, Hall, fly_doublets, second
 
 from wingwatch.monitor import AlertAction, AlertState, AlertView, FleetSettings, VehicleState
-from wingwatch.monitor.checkpoint import SavedVehicle
-from wingwatch.monitor.known_vehicle import KnownVehicle
+from wingwatch.monitor.fleet.member.known_vehicle import KnownVehicle
+from wingwatch.monitor.vehicle.checkpoint import SavedVehicle
 from wingwatch.monitor.views import Shelving
 from wingwatch.simulation import ElevatorEffectiveness
 from wingwatch.telemetry import SampleBlock
@@ -297,7 +297,7 @@ def test_a_state_that_a_fault_may_have_damaged_is_not_saved(
     flown(hall, flight, 0, 3)
     saved = len(checkpoints.handed_over)
     with monkeypatch.context() as patch:
-        patch.setattr("wingwatch.monitor.vehicle.VehicleMonitor.follow", lambda *_: 1 / 0)
+        patch.setattr("wingwatch.monitor.vehicle.vehicle_monitor.VehicleMonitor.follow", lambda *_: 1 / 0)
         flown(hall, flight, 3, 5)
     flown(hall, flight, 5, 8)
     assert len(checkpoints.handed_over) == saved
@@ -325,7 +325,7 @@ def test_a_clock_that_is_set_back_does_not_let_an_alert_teach_the_reference(
 def test_a_fault_over_one_checkpoint_keeps_nobody_from_starting(
     killed: Any, checkpoints: FakeCheckpoints, store: FakeStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("wingwatch.monitor.vehicle.VehicleMonitor.restore", lambda *_: 1 / 0)
+    monkeypatch.setattr("wingwatch.monitor.vehicle.vehicle_monitor.VehicleMonitor.restore", lambda *_: 1 / 0)
     hall = Hall(store=store, checkpoints=checkpoints)
     assert hall.fleet.vehicles() == []
     assert checkpoints.counts == {"refused": 1}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from wingwatch.monitor.roughness import (
+from wingwatch.monitor.estimation.roughness import (
     MEAN_S,
     MEAN_SAMPLES,
     ROUGHNESS,

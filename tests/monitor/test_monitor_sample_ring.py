@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wingwatch.monitor import SampleRing
-from wingwatch.monitor.sample_ring import KEPT_S
+from wingwatch.monitor.fleet.member.sample_ring import KEPT_S
 from wingwatch.telemetry import SampleBlock
 
 NAMES = ("airspeed_true_m_s", "roll_rad")

@@ -9,9 +9,9 @@ from redundancy_flights import AEROSONDE, CONDITION, flown, monitor_of, watched
 
 from wingwatch.aircraft import DUTCH_ROLL, LATERAL, SHORT_PERIOD
 from wingwatch.monitor import AlertState, VehicleMonitor, VehicleState, surface_kinds
-from wingwatch.monitor.redundancy import Hypothesis
-from wingwatch.monitor.redundancy.hypotheses import HYPOTHESES
-from wingwatch.monitor.surfaces_seen import LOOK_S, SurfacesSeen, SurfaceWatch
+from wingwatch.monitor.detection.redundancy import Hypothesis
+from wingwatch.monitor.detection.redundancy.hypotheses import HYPOTHESES
+from wingwatch.monitor.detection.surfaces_seen import LOOK_S, SurfacesSeen, SurfaceWatch
 from wingwatch.simulation import Scenario, doublet_schedule, simulate
 from wingwatch.telemetry import SampleBlock, complete
 

@@ -11,10 +11,10 @@ from monitor_flights import bits, pieces
 from wingwatch.estimators import EkfState
 from wingwatch.estimators.ekf.accepted import go_back
 from wingwatch.monitor import Report, VehicleMonitor
-from wingwatch.monitor.judge import JudgeConfig
-from wingwatch.monitor.monitors import MonitorMaker
+from wingwatch.monitor.detection.judge import JudgeConfig
+from wingwatch.monitor.fleet.monitors import MonitorMaker
+from wingwatch.monitor.fleet.together import feed_together
 from wingwatch.monitor.ports import VehicleMemory
-from wingwatch.monitor.together import feed_together
 from wingwatch.simulation import ElevatorEffectiveness, FleetSimulation, Scenario, doublet_schedule
 from wingwatch.telemetry import CHANNEL_INDEX, AircraftMessage, SampleBlock
 

@@ -8,8 +8,8 @@ import pytest
 
 from wingwatch.aircraft import SHORT_PERIOD, Aircraft, FlightCondition, load_aircraft, mode_quantities
 from wingwatch.monitor import AlertView, VehicleMonitor, VehicleState, surface_kinds
-from wingwatch.monitor.checkpoint import CODEC
-from wingwatch.monitor.monitor_state import MonitorState
+from wingwatch.monitor.vehicle.checkpoint import CODEC
+from wingwatch.monitor.vehicle.state import MonitorState
 from wingwatch.simulation import (
     AileronEffectiveness,
     Effect,

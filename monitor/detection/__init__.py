@@ -1,0 +1,1 @@
+"""Detection: evidence of a change, its cause and its size, and the alerts that come of it."""

@@ -1,0 +1,1 @@
+"""The live fleet: messages in, vehicles watched, alerts and events out."""

@@ -1,0 +1,123 @@
+"""When the state of which vehicle of a live fleet is saved, and how all go on at the start."""
+
+import logging
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+
+from wingwatch.aircraft import Aircraft
+from wingwatch.baselines import Envelope
+from wingwatch.monitor.fleet.context import FleetContext, Outgoing
+from wingwatch.monitor.fleet.member.known_vehicle import KnownVehicle
+from wingwatch.monitor.fleet.monitors import MonitorMaker
+from wingwatch.monitor.fleet.resuming import Checkpoints, goes_on, resumed_vehicle, saved_vehicle
+from wingwatch.monitor.fleet.roster import VehicleKey
+from wingwatch.monitor.vehicle.checkpoint import CheckpointError, SavedVehicle
+
+__all__ = ["FleetCheckpoints"]
+
+_LOG = logging.getLogger(__name__)
+_CHECKPOINTS_A_SECOND = 10  # of all vehicles together: half a megabyte each, and 3 ms of processor time
+_SAVED_AT_ONCE = 2  # vehicles' states between two rounds of messages: 0.24 ms each
+
+
+class FleetCheckpoints:
+    """Saves the states of a fleet's vehicles, a few at a time.
+
+    Args:
+        context: of the fleet.
+        checkpoints: where they are kept, or None: then nothing is saved.
+    """
+
+    def __init__(self, context: FleetContext, checkpoints: Checkpoints | None) -> None:
+        self._context, self._checkpoints = context, checkpoints
+
+    def save_some(self, ready: Mapping[VehicleKey, KnownVehicle]) -> None:
+        """Hand over the states that are due, with the lock held: at once where an alert has changed."""
+        checkpoints = self._checkpoints
+        if checkpoints is None:
+            return
+        left, now_s = _SAVED_AT_ONCE, self._context.clock()
+        among = len(self._context.vehicles) / _CHECKPOINTS_A_SECOND
+        interval_s = max(self._context.settings.checkpoint_interval_s, among)
+        for key, known in ready.items():
+            due = known.unsaved and now_s - known.checkpoint_s >= interval_s
+            if known.urgent or (due and left and checkpoints.has_room()):
+                left -= not known.urgent
+                saved, urgent = self._saved(key, known), known.urgent
+                known.urgent = False
+                if saved is not None:
+                    checkpoints.keep(saved, urgent)
+
+    def save_now(self, key: VehicleKey, known: KnownVehicle) -> None:
+        """Hand over a vehicle's state at once, with the lock held."""
+        known.urgent = True
+        self.save_some({key: known})
+
+    def unsaved(self) -> Iterator[SavedVehicle]:
+        """States that have changed since they were saved, for whoever ends the service; one copied at a time."""
+        with self._context.lock:
+            everyone = list(self._context.vehicles.items())
+        for key, known in everyone:
+            with self._context.lock:
+                saved = self._saved(key, known) if known.unsaved else None
+            if saved is not None:
+                yield saved
+
+    def _saved(self, key: VehicleKey, known: KnownVehicle) -> SavedVehicle | None:
+        """A copy of the vehicle's state, with the lock held."""
+        known.checkpoint_s, known.unsaved = self._context.clock(), False
+        try:
+            return saved_vehicle(key, known, self._context.clock())
+        except Exception as error:  # the watch goes on without
+            self._context.count("checkpoint")
+            self._context.event("problem", {"what": "checkpoint", "text": str(error)})
+            return None
+
+    def resume(
+        self,
+        find: Callable[[str], Aircraft],
+        maker: MonitorMaker,
+        follow: Callable[[VehicleKey, KnownVehicle], list[Outgoing]],
+    ) -> None:
+        """Every vehicle goes on from its checkpoint.
+
+        Args:
+            find: the aircraft of a name; raises ValueError with one sentence for an unknown one.
+            maker: of monitors.
+            follow: has a vehicle's monitor follow the alert of before; called with the lock held.
+        """
+        if self._checkpoints is None:
+            return
+        context, envelopes = self._context, dict[tuple[str, str], Mapping[str, Envelope]]()
+        for saved in self._checkpoints.load():
+            key = saved.fleet, saved.vehicle
+            if not goes_on(saved, context.settings.judge):
+                self._checkpoints.count("expired")
+                continue
+            try:
+                known = resumed_vehicle(saved, find, maker, partial(self._stored, envelopes))
+            except Exception as error:  # one vehicle's checkpoint must not keep the service from starting
+                if not isinstance(error, CheckpointError):
+                    _LOG.exception("the checkpoint of %s/%s led to a fault of the program", *key)
+                text = f"the checkpoint of {key[0]}/{key[1]} is not used: {error}; the vehicle starts anew"
+                self._checkpoints.count("refused", text)
+                continue
+            known.heard_s = context.clock() - saved.silent_s
+            known.owner.heard_s = context.clock()  # who speaks first after a restart takes nobody's name
+            with context.lock:
+                news = follow(key, known)
+                if not context.vehicles.resume(key, known):
+                    self._checkpoints.count("refused", f"there is no place for {key[0]}/{key[1]}")
+                    continue
+            self._checkpoints.count("resumed")
+            context.tell(key, news)
+
+    def _stored(
+        self, known: dict[tuple[str, str], Mapping[str, Envelope]], aircraft: Aircraft, configuration: str
+    ) -> Mapping[str, Envelope]:
+        """Expectations that the database has for a type, read once."""
+        store, kind = self._context.store, (aircraft.name, configuration)
+        if kind not in known:
+            ask = partial(store.expectations, aircraft, configuration) if store is not None else dict
+            known[kind] = self._context.guarded(ask) or {}
+        return known[kind]

@@ -1,0 +1,1 @@
+"""One vehicle as the live fleet knows it."""

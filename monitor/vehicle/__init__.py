@@ -1,0 +1,1 @@
+"""One vehicle watched: cleaning, estimation, detection and what is remembered of it."""
