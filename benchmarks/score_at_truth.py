@@ -29,7 +29,7 @@ from wingwatch.estimators.fourier.blocks import block_workspace
 from wingwatch.estimators.fourier.noise import between_samples_variance
 from wingwatch.estimators.fourier.solution import ALONE, solve_block
 from wingwatch.estimators.fourier.state import BETWEEN, GUST, ROLLING, Block, Linearisation, Prior
-from wingwatch.estimators.kernels.by_address import ByAddress
+from wingwatch.kernels.by_address import ByAddress
 
 Array = NDArray[np.float64]
 

@@ -20,7 +20,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from wingwatch.diagnosis.linear_model import STATES, WIDTH, LinearModel, Noise
@@ -38,6 +37,7 @@ from wingwatch.diagnosis.replay import (
     with_trims,
     work_space,
 )
+from wingwatch.kernels.decorators import compiled, helper
 from wingwatch.simulation.dynamics import euler_angles
 
 __all__ = [
@@ -201,7 +201,7 @@ def sensitivities(filtering: Filter, path: Path, change: Change) -> Array:
     return columns
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def _fly(version, inputs, measured, used, linear, gains, deviations, path):  # type: ignore[no-untyped-def]
     """Equation (2): the prediction by the simulation itself, the correction by the gains of equation (1)."""
     row, sensors, start, trims = version
@@ -244,7 +244,7 @@ def _fly(version, inputs, measured, used, linear, gains, deviations, path):  # t
         here[:] = there
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@helper
 def _multiply(entries, vector, out):  # type: ignore[no-untyped-def]
     """Product of ``_entries`` and a vector into ``out``."""
     rows, columns, values = entries
@@ -253,7 +253,7 @@ def _multiply(entries, vector, out):  # type: ignore[no-untyped-def]
         out[rows[n]] += values[n] * vector[columns[n]]
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath={"reassoc", "contract"})
+@compiled(error_model="numpy", nogil=True, fastmath={"reassoc", "contract"})
 def _along(h, i, vector):  # type: ignore[no-untyped-def]
     """Row ``i`` of h times a vector (22,), summed in any order: one after another each sum would wait for the last."""
     total = 0.0
@@ -262,7 +262,7 @@ def _along(h, i, vector):  # type: ignore[no-untyped-def]
     return total
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def _differentiate(f, h, gains, gain_changes, moved, columns, path):  # type: ignore[no-untyped-def]
     """Equation (3), in place: columns begin with what the changed outputs make of the states; f is Phi transposed."""
     samples, outputs, width = columns.shape
@@ -283,7 +283,7 @@ def _differentiate(f, h, gains, gain_changes, moved, columns, path):  # type: ig
         x += moved[:, t]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def _settle(f, h, covariances, seen, gain, deviation, holds_from):  # type: ignore[no-untyped-def]
     """Gains and deviations of every sample until they hold; how many samples these are.
 
@@ -315,7 +315,7 @@ def _settle(f, h, covariances, seen, gain, deviation, holds_from):  # type: igno
     return samples
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@helper
 def _times(f, p, out):  # type: ignore[no-untyped-def]
     """f p into ``out``; two thirds of f are nothing."""
     n = p.shape[0]
@@ -329,7 +329,7 @@ def _times(f, p, out):  # type: ignore[no-untyped-def]
                     out[i, j] += weight * p[k, j]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@helper
 def _gain(p, h, variance, gains, new, deviations, k):  # type: ignore[no-untyped-def]
     """Gain of one output, and p after it; returns the relative change of the innovation's deviation."""
     n = p.shape[0]

@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from wingwatch.diagnosis.measured import OUTPUTS
@@ -38,6 +37,7 @@ from wingwatch.diagnosis.replay import (
     with_trims,
     work_space,
 )
+from wingwatch.kernels.decorators import compiled
 
 __all__ = [
     "DRIVEN",
@@ -234,7 +234,7 @@ def by_coefficients(model: Model, mean: Array, trims: Array, inputs: Inputs) -> 
     return by_state, by_output
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def _differences(row, states, centre, trims, held, out):  # type: ignore[no-untyped-def]
     """Central differences over one sample with the states, then with what disturbs at its start and end."""
     phi, h, first, last, d = out

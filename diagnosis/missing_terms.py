@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
@@ -26,6 +25,7 @@ from wingwatch.diagnosis.linear_model import STATES, WIDTH, by_coefficients
 from wingwatch.diagnosis.problem import Problem, model_at
 from wingwatch.diagnosis.replay import BIAS, SCALE, without_delays
 from wingwatch.diagnosis.result import MissingTerm
+from wingwatch.kernels.decorators import compiled
 
 __all__ = ["missing_terms"]
 
@@ -194,7 +194,7 @@ def _signals(problem: Problem, followed: Mapping[int, Array]) -> Mapping[str, Ar
     }
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def _respond(f, h, gains, seen, by_state, by_output, courses, out):  # type: ignore[no-untyped-def]
     """What terms take from the innovations, (samples, used, terms), into ``out``."""
     samples, outputs, width = out.shape

@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from wingwatch.aircraft import GRAVITY_M_S2
 from wingwatch.diagnosis.measured import FORCE_X, OUTPUTS, MeasuredFlight, Window
+from wingwatch.kernels.decorators import compiled, helper
 from wingwatch.simulation.actuators import move_surfaces, servo_decay
 from wingwatch.simulation.dynamics import euler_angles, quaternion
 from wingwatch.simulation.flight import report
@@ -218,7 +218,7 @@ def body_state(start: Array, altitude_m: float) -> Array:
     return state
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def motion_of(x, out):  # type: ignore[no-untyped-def]
     """``START`` of a rigid-body state (13,) into ``out`` (8,)."""
     out[:3], out[3:6] = x[3:6], x[10:13]
@@ -248,7 +248,7 @@ class Work(NamedTuple):
     moved: Array
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def work_space(steps):  # type: ignore[no-untyped-def]
     """``Work`` for as many steps of integration in a sample."""
     return Work(
@@ -257,7 +257,7 @@ def work_space(steps):  # type: ignore[no-untyped-def]
     )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def with_trims(row, trims):  # type: ignore[no-untyped-def]
     """A prepared working row of parameters (parameters,) and a window's trims (6,)."""
     c = np.zeros(WIDTH)
@@ -269,7 +269,7 @@ def with_trims(row, trims):  # type: ignore[no-untyped-def]
     return c
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def ready(c, inputs, work):  # type: ignore[no-untyped-def]
     """Work space before the first sample of a window."""
     servo_decay(c, 0.5 * inputs.dt / inputs.steps, work.decay)
@@ -280,7 +280,7 @@ def ready(c, inputs, work):  # type: ignore[no-untyped-def]
     work.setting[DENSITY_ALTITUDE], work.setting[DENSITY] = inputs.altitude, inputs.density
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def read_sensors(c, x, inputs, t, work, here, out):  # type: ignore[no-untyped-def]
     """True values of the outputs (outputs,) at sample ``t``, where ``here`` (12,) disturbs; servos advance."""
     s, half_step_s = work.setting, 0.5 * inputs.dt / inputs.steps
@@ -308,7 +308,7 @@ def read_sensors(c, x, inputs, t, work, here, out):  # type: ignore[no-untyped-d
         out[SURFACE_OUTPUTS + j] = work.servo_at_sample[j]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def move(c, x, inputs, t, work, here, there):  # type: ignore[no-untyped-def]
     """The state (13,) from sample ``t``, where ``here`` disturbs, to the next, where ``there`` does, (12,) each."""
     s, dt = work.setting, inputs.dt / inputs.steps
@@ -336,7 +336,7 @@ def move(c, x, inputs, t, work, here, there):  # type: ignore[no-untyped-def]
             s[GUST + j] += s[RISE + j]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def fly_window(rows, starts, trims, inputs, force_x, out):  # type: ignore[no-untyped-def]
     """Fly a window open loop through still air in several versions.
 
@@ -364,7 +364,7 @@ def fly_window(rows, starts, trims, inputs, force_x, out):  # type: ignore[no-un
             move(c, x, inputs, t, work, here, there)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@helper
 def follow(x, here, there):  # type: ignore[no-untyped-def]
     """Put states that are followed midway between two measurements (8,): over a sample a state is what it is then."""
     for j in range(3):
@@ -379,7 +379,7 @@ def follow(x, here, there):  # type: ignore[no-untyped-def]
         set_attitude(x, roll, pitch)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@helper
 def set_attitude(x, roll, pitch):  # type: ignore[no-untyped-def]
     """Roll and pitch angle of a rigid-body state (13,), the heading kept."""
     _, _, heading = euler_angles(x)

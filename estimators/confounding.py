@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft.structures import ModeStructure
-from wingwatch.estimators.kernels.hot import helper, whole
 from wingwatch.estimators.kernels.symmetric import eigen
+from wingwatch.kernels.decorators import helper, whole
 
 __all__ = ["confounded_sets", "find_confounded", "sets_of", "told_apart_text"]
 

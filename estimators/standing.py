@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from wingwatch.aircraft.structures import ModeStructure
 from wingwatch.estimators.confounding import find_confounded, sets_of, told_apart_text
 from wingwatch.estimators.estimate import Estimate, Outcome
-from wingwatch.estimators.kernels.hot import helper, whole
+from wingwatch.kernels.decorators import helper, whole
 
 __all__ = ["ConcisePosterior", "Standing", "Standings", "stand"]
 

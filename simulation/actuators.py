@@ -11,7 +11,7 @@ A command moves the servo, the servo the surface:
 
 import math
 
-from wingwatch.simulation.kernel import kernel
+from wingwatch.kernels.decorators import helper
 from wingwatch.simulation.layout import (
     ELEVATOR_BACKLASH,
     ELEVATOR_BANDWIDTH,
@@ -27,13 +27,13 @@ from wingwatch.simulation.rigid_body import ELEVATOR
 __all__ = ["actuator_position", "held", "move_surfaces", "servo_decay"]
 
 
-@kernel
+@helper
 def held(value, limit):  # type: ignore[no-untyped-def]
     """The value within minus and plus a limit."""
     return min(limit, max(-limit, value))
 
 
-@kernel
+@helper
 def actuator_position(position, target, bandwidth, rate_limit, after_s):  # type: ignore[no-untyped-def]
     """Where a servo is some time after it stood at ``position``, its target held since.
 
@@ -62,21 +62,21 @@ def actuator_position(position, target, bandwidth, rate_limit, after_s):  # type
     return target - math.copysign(size * math.exp(-bandwidth * left), error)
 
 
-@kernel
+@helper
 def servo_decay(c, half_step_s, decay):  # type: ignore[no-untyped-def]
     """What is left of each servo's error after half a step, into ``decay`` (3,); ``c`` is a parameter row."""
     for j in range(3):
         decay[j] = math.exp(-c[ELEVATOR_BANDWIDTH + j] * half_step_s)
 
 
-@kernel
+@helper
 def _answered(position, target, dead_band):  # type: ignore[no-untyped-def]
     """Where a servo with a dead band (full width) goes towards a target."""
     error = target - position
     return position + math.copysign(max(0.0, abs(error) - 0.5 * dead_band), error)
 
 
-@kernel
+@helper
 def move_surfaces(c, s, servo, surface, command, decay, half_step_s):  # type: ignore[no-untyped-def]
     """Surfaces at the start, middle and end of a step into ``s`` (``rigid_body.SETTING``); servos and surfaces advance.
 

@@ -16,8 +16,7 @@ body's and stays; a thrust that is negative blows on nothing.
 import math
 from typing import NamedTuple
 
-from numba import njit
-
+from wingwatch.kernels.decorators import compiled
 from wingwatch.simulation.icing_increments import icing_increments
 from wingwatch.simulation.layout import (
     ALPHA_REFERENCE,
@@ -104,7 +103,7 @@ class Deflections(NamedTuple):
     zeta: float
 
 
-@njit(cache=True, error_model="numpy", fastmath=KEEP_BITS, inline="always")
+@compiled(error_model="numpy", fastmath=KEEP_BITS, inline="always")
 def arc_tangent(y, x):  # type: ignore[no-untyped-def]
     """atan2(y, x), faster within 0.29 rad of zero: there atan(t)/t by its interpolation in t^2 at Chebyshev's
     nine nodes of 0 to 0.09, relative error below 3e-16."""
@@ -123,7 +122,7 @@ def arc_tangent(y, x):  # type: ignore[no-untyped-def]
     return math.atan2(y, x)
 
 
-@njit(cache=True, error_model="numpy", fastmath=KEEP_BITS, inline="always")
+@compiled(error_model="numpy", fastmath=KEEP_BITS, inline="always")
 def _stalled(c, line, alpha, sine, cosine):  # type: ignore[no-untyped-def]
     """The straight lift line blended with a flat plate, 2 sin|sin| cos (``aircraft.coefficients.StallBlend``).
 
@@ -138,7 +137,7 @@ def _stalled(c, line, alpha, sine, cosine):  # type: ignore[no-untyped-def]
     return line + share * (2.0 * sine * abs(sine) * cosine - line)
 
 
-@njit(cache=True, error_model="numpy", fastmath=KEEP_BITS, inline="always")
+@compiled(error_model="numpy", fastmath=KEEP_BITS, inline="always")
 def load(c, motion, deflections, density, blown):  # type: ignore[no-untyped-def]
     """(X, Y, Z in N, L, M, N in N m, lift in N and pitching moment in N m per rad/s of alphadot), body axes.
 
@@ -211,7 +210,7 @@ def load(c, motion, deflections, density, blown):  # type: ignore[no-untyped-def
     )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy", fastmath=KEEP_BITS, inline="always")
+@compiled(error_model="numpy", fastmath=KEEP_BITS, inline="always")
 def _lateral(c, alpha, beta, p, r, tail_r, xi, zeta):  # type: ignore[no-untyped-def]
     """CY, Cl, Cn; ``tail_r`` is the yaw rate as a blown tail feels it."""
     side = (

@@ -3,7 +3,7 @@
 import math
 
 from wingwatch.aircraft import GRAVITY_M_S2
-from wingwatch.simulation.kernel import kernel
+from wingwatch.kernels.decorators import helper
 
 __all__ = ["CELL_M", "air_density", "expand_density"]
 
@@ -17,7 +17,7 @@ CELL_M = 10.0
 """Width of the cells that ``expand_density`` divides the altitude into; the tropopause is an edge."""
 
 
-@kernel
+@helper
 def air_density(altitude_m):  # type: ignore[no-untyped-def]
     """Density in kg/m3 of the standard atmosphere up to 20000 m (ISO 2533, as ``aircraft.isa_density_kg_m3``)."""
     if altitude_m <= _TROPOPAUSE_M:
@@ -28,7 +28,7 @@ def air_density(altitude_m):  # type: ignore[no-untyped-def]
     )
 
 
-@kernel
+@helper
 def expand_density(altitude_m):  # type: ignore[no-untyped-def]
     """(centre in m, a, b, c): density is a + d (b + d c), d the altitude less the centre of its cell of ``CELL_M``.
 

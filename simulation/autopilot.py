@@ -37,8 +37,8 @@ from wingwatch.aircraft import (
     FlightCondition,
     linearised_derivatives,
 )
+from wingwatch.kernels.decorators import helper
 from wingwatch.simulation.dynamics import thrust_n
-from wingwatch.simulation.kernel import kernel
 from wingwatch.simulation.layout import AILERON_LIMIT, ELEVATOR_LIMIT, MASS, parameter_row
 from wingwatch.simulation.route import route_bank
 from wingwatch.simulation.trim import TrimPoint
@@ -145,12 +145,12 @@ def _steady_lift(d: dict[str, float], pitch_rate: float, speed: float) -> tuple[
     return float(w) / speed, float(eta)
 
 
-@kernel
+@helper
 def _held(value, limit):  # type: ignore[no-untyped-def]
     return min(limit, max(-limit, value))
 
 
-@kernel
+@helper
 def _attitude(state):  # type: ignore[no-untyped-def]
     """Roll and pitch in rad and the cosine of roll."""
     q0, q1, q2, q3 = state[6], state[7], state[8], state[9]
@@ -160,7 +160,7 @@ def _attitude(state):  # type: ignore[no-untyped-def]
     return math.atan2(across, up), pitch, up / size if size > 0.0 else 1.0
 
 
-@kernel
+@helper
 def _lateral(state, row, route, memory, speed):  # type: ignore[no-untyped-def]
     """Bank demanded in rad; the leg of a route advances."""
     q0, q1, q2, q3 = state[6], state[7], state[8], state[9]
@@ -177,7 +177,7 @@ def _lateral(state, row, route, memory, speed):  # type: ignore[no-untyped-def]
     return _held(bank, BANK_LIMIT_RAD)
 
 
-@kernel
+@helper
 def _energy(row, route, memory, airspeed, speed, dt, out):  # type: ignore[no-untyped-def]
     """Throttle into ``out``; the climb angle demanded in rad; demands and the throttle's integral advance."""
     altitude_to, airspeed_to = row[ALTITUDE_TRIM], row[AIRSPEED_TRIM]
@@ -207,7 +207,7 @@ def _energy(row, route, memory, airspeed, speed, dt, out):  # type: ignore[no-un
     return climb
 
 
-@kernel
+@helper
 def autopilot(state, airspeed_read, gains, route, memory, dt, out):  # type: ignore[no-untyped-def]
     """Commands for the next ``dt`` seconds; the memory advances.
 

@@ -5,8 +5,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from wingwatch.kernels.decorators import helper, whole
 from wingwatch.simulation.atmosphere import CELL_M, air_density, expand_density
-from wingwatch.simulation.kernel import kernel
 from wingwatch.simulation.prepared import WIDTH, prepare
 from wingwatch.simulation.propulsion import thrust_n
 from wingwatch.simulation.rigid_body import (
@@ -25,7 +25,7 @@ from wingwatch.simulation.rigid_body import (
 __all__ = ["air_density", "derivatives", "euler_angles", "fly_held", "quaternion", "set_density", "thrust_n"]
 
 
-@kernel
+@whole
 def derivatives(state, surfaces, throttle, row, force, out):  # type: ignore[no-untyped-def]
     """d(state)/dt in still air into ``out`` (13,).
 
@@ -47,14 +47,14 @@ def derivatives(state, surfaces, throttle, row, force, out):  # type: ignore[no-
     force[:] = s[FORCE : FORCE + 3]
 
 
-@kernel
+@helper
 def set_density(s, altitude_m):  # type: ignore[no-untyped-def]
     """The density's expansion about an altitude into a row of ``rigid_body.SETTING``, anew once its cell is left."""
     if not abs(altitude_m - s[DENSITY_ALTITUDE]) <= 0.5 * CELL_M:
         s[DENSITY_ALTITUDE], s[DENSITY], s[DENSITY_SLOPE], s[DENSITY_CURVE] = expand_density(altitude_m)
 
 
-@kernel
+@whole
 def fly_held(c, state, surfaces, throttle, dt_s, steps):  # type: ignore[no-untyped-def]
     """Advance a state (13,) in place by steps in still air, surfaces (3,) and throttle held; ``c`` is a working row."""
     s, k, middle, total = np.zeros(SETTING_WIDTH), np.empty(13), np.empty(13), np.empty(13)
@@ -67,7 +67,7 @@ def fly_held(c, state, surfaces, throttle, dt_s, steps):  # type: ignore[no-unty
         advance(c, s, state, dt_s, k, middle, total)
 
 
-@kernel
+@helper
 def euler_angles(state):  # type: ignore[no-untyped-def]
     """(roll, pitch, heading) in rad of a rigid-body state; heading between -pi and pi."""
     q0, q1, q2, q3 = state[6], state[7], state[8], state[9]

@@ -14,14 +14,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from wingwatch.kernels.decorators import compiled, helper, whole
 from wingwatch.simulation.actuators import move_surfaces, servo_decay
 from wingwatch.simulation.autopilot import autopilot
 from wingwatch.simulation.dynamics import euler_angles, set_density
 from wingwatch.simulation.gusts import add_discrete_gusts
-from wingwatch.simulation.kernel import kernel
 from wingwatch.simulation.layout import (
     AIRSPEED_READING,
     CG_X,
@@ -154,7 +153,7 @@ class _Air(NamedTuple):
     """(6,): how far its middle lies from the straight line, of turbulence alone."""
 
 
-@kernel
+@helper
 def _parameters_now(times, columns, values, time_s, row):  # type: ignore[no-untyped-def]
     """The parameters that change, at a time, as ``Timeline.at`` has them; which row holds, or that they are
     changing."""
@@ -173,7 +172,7 @@ def _parameters_now(times, columns, values, time_s, row):  # type: ignore[no-unt
     return k if k + 1 == n else _CHANGING
 
 
-@kernel
+@helper
 def _move_centre(c, x, centre):  # type: ignore[no-untyped-def]
     """The state is that of the centre of gravity: where that has moved in the body, place and velocity are its own."""
     dx, dy, dz = c[CG_X] - centre[0], c[CG_Y] - centre[1], c[CG_Z] - centre[2]
@@ -201,7 +200,7 @@ def _move_centre(c, x, centre):  # type: ignore[no-untyped-def]
     )
 
 
-@kernel
+@helper
 def in_body_axes(x, motion):  # type: ignore[no-untyped-def]
     """Turn the velocity in ``motion`` (6,), m/s, from level axes along the flight path to body axes, in place.
 
@@ -222,7 +221,7 @@ def in_body_axes(x, motion):  # type: ignore[no-untyped-def]
     motion[2] = r02 * to_north + r12 * to_east + r22 * down
 
 
-@kernel
+@helper
 def _air_of_step(c, s, x, air, end_s, steps):  # type: ignore[no-untyped-def]
     """The air's motion over a span of steps into ``s``: at its start, and gain and curve of the first step."""
     end, middle = air.end, air.middle
@@ -243,7 +242,7 @@ def _air_of_step(c, s, x, air, end_s, steps):  # type: ignore[no-untyped-def]
         s[RISE + j] = (end[j] - s[GUST + j]) / steps + 4.0 * (steps - 1.0) * s[CURVE + j]
 
 
-@kernel
+@helper
 def _wind_of_frame(s, wind, altitude, above):  # type: ignore[no-untyped-def]
     """The wind at an altitude and its change with altitude into ``s``."""
     wind_at(wind, altitude - _SHEAR_REACH_M, s[WIND : WIND + 3])
@@ -254,7 +253,7 @@ def _wind_of_frame(s, wind, altitude, above):  # type: ignore[no-untyped-def]
     s[SHEAR_ALTITUDE] = altitude
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@compiled(error_model="numpy", inline="always")
 def report(out, i, k, time_s, x, c, s, orders):  # type: ignore[no-untyped-def]
     """True values of every simulated column but those of ``report_navigation``, at the start ``x`` of the step whose
     setting ``s`` is."""
@@ -284,7 +283,7 @@ def report(out, i, k, time_s, x, c, s, orders):  # type: ignore[no-untyped-def]
         out[i, k, _DEMANDS + j] = orders[4 + j]
 
 
-@kernel
+@helper
 def _fly_one(fleet, state, i, first_sample, rate_hz, c, out):  # type: ignore[no-untyped-def]
     """The flight of vehicle ``i`` over the samples of ``out``; ``c`` is a working row to work in."""
     a_sample, a_frame, a_gust = fleet.steps_a_sample[i], fleet.steps_a_frame[i], fleet.steps_a_gust
@@ -351,7 +350,7 @@ def _fly_one(fleet, state, i, first_sample, rate_hz, c, out):  # type: ignore[no
                 s[RISE + j] -= 8.0 * s[CURVE + j]
 
 
-@kernel
+@whole
 def fly(fleet, state, first_sample, rate_hz, out):  # type: ignore[no-untyped-def]
     """Fill ``out`` (vehicles, samples, channels) with true values, advancing the state by as many samples."""
     c = np.zeros(WIDTH)

@@ -14,7 +14,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.simulation.kernel import kernel
+from wingwatch.kernels.decorators import helper
 
 __all__ = ["GUST_COLUMNS", "DiscreteGust", "add_discrete_gusts", "gust_rows"]
 
@@ -77,7 +77,7 @@ def gust_rows(gusts: Sequence[DiscreteGust], airspeed_true_m_s: float) -> NDArra
     return np.array(rows, dtype=np.float64).reshape(len(rows), GUST_COLUMNS)
 
 
-@kernel
+@helper
 def add_discrete_gusts(rows, count, time_s, out):  # type: ignore[no-untyped-def]
     """Add the motion of the air (u, v, w, p, q, r), body axes, to ``out`` (6,); the first ``count`` rows are gusts."""
     for i in range(count):

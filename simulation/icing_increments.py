@@ -16,8 +16,7 @@ Ours, not the source's:
 
 import math
 
-from numba import njit
-
+from wingwatch.kernels.decorators import compiled
 from wingwatch.simulation.prepared import KEEP_BITS
 
 __all__ = ["ALPHA_HIGH_DEG", "ALPHA_LOW_DEG", "ELEVATOR_DEG", "icing_increments"]
@@ -34,7 +33,7 @@ _ARM = 1.0 / 8.0
 """Of a wing's lift, in spans (the source's figure)."""
 
 
-@njit(cache=True, error_model="numpy", fastmath=KEEP_BITS)
+@compiled(error_model="numpy", fastmath=KEEP_BITS)
 def icing_increments(alpha, elevator, wing, tail, left_less_right):  # type: ignore[no-untyped-def]
     """(dCL, dCD, dCl, dCm, dCn) at an angle of attack and elevator in rad.
 

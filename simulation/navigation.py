@@ -7,7 +7,7 @@ one length a degree of latitude and one a degree of longitude, both of the origi
 
 import math
 
-from wingwatch.simulation.kernel import kernel
+from wingwatch.kernels.decorators import helper
 from wingwatch.simulation.layout import CG_X, CG_Y, CG_Z
 from wingwatch.simulation.rigid_body import rotation
 from wingwatch.telemetry import CHANNEL_INDEX
@@ -27,7 +27,7 @@ _VELOCITY = CHANNEL_INDEX["velocity_north_m_s"]
 _LATITUDE, _LONGITUDE = CHANNEL_INDEX["latitude_deg"], CHANNEL_INDEX["longitude_deg"]
 
 
-@kernel
+@helper
 def report_navigation(out, i, k, x, c):  # type: ignore[no-untyped-def]
     """True velocity and place into sample ``k`` of vehicle ``i`` of ``out``, from its state ``x`` and working row."""
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation(x[6], x[7], x[8], x[9])

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft import GRAVITY_M_S2
-from wingwatch.simulation.kernel import kernel
+from wingwatch.kernels.decorators import helper, whole
 from wingwatch.simulation.layout import (
     AREA,
     CD_OSWALD,
@@ -84,7 +84,7 @@ _ROUNDING = 37.0
 _GREATEST_EXPONENT = 300.0
 
 
-@kernel
+@whole
 def prepare(c):  # type: ignore[no-untyped-def]
     """Fill the prepared columns of a working row from its parameters."""
     c[GRAVITY] = GRAVITY_M_S2
@@ -113,7 +113,7 @@ def prepare(c):  # type: ignore[no-untyped-def]
     c[ICED] = 1.0 if c[ICE_WING] != 0.0 or c[ICE_TAIL] != 0.0 or c[ICE_LEFT_LESS_RIGHT] != 0.0 else 0.0
 
 
-@kernel
+@helper
 def _invert_inertia(c):  # type: ignore[no-untyped-def]
     """Inverse of [[Ix, -Ixy, -Ixz], [-Ixy, Iy, -Iyz], [-Ixz, -Iyz, Iz]], by cofactors."""
     ix, iy, iz = c[INERTIA_X], c[INERTIA_Y], c[INERTIA_Z]

@@ -2,8 +2,7 @@
 
 import math
 
-from numba import njit
-
+from wingwatch.kernels.decorators import compiled
 from wingwatch.simulation.layout import ELECTRIC, THRUST_MAX, THRUST_SHARE
 from wingwatch.simulation.prepared import (
     KEEP_BITS,
@@ -23,7 +22,7 @@ from wingwatch.simulation.prepared import (
 __all__ = ["thrust", "thrust_n"]
 
 
-@njit(cache=True, error_model="numpy", fastmath=KEEP_BITS, inline="always")
+@compiled(error_model="numpy", fastmath=KEEP_BITS, inline="always")
 def thrust(c, throttle, airspeed, density):  # type: ignore[no-untyped-def]
     """Thrust in N at a throttle of 0 to 1; ``c`` is a working row.
 

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.simulation.kernel import kernel
+from wingwatch.kernels.decorators import helper
 
 __all__ = ["fill_normals", "random_streams", "uniform"]
 
@@ -51,12 +51,12 @@ def random_streams(generators: Sequence[np.random.Generator]) -> NDArray[np.uint
     return np.array(words, dtype=np.uint64).reshape(-1, 4)
 
 
-@kernel
+@helper
 def _rotated(word, bits):  # type: ignore[no-untyped-def]
     return (word << _U(bits)) | (word >> _U(64 - bits))
 
 
-@kernel
+@helper
 def _bits(stream):  # type: ignore[no-untyped-def]
     """The next 64 bits of a stream (4,)."""
     out = _rotated(stream[0] + stream[3], 23) + stream[0]
@@ -70,13 +70,13 @@ def _bits(stream):  # type: ignore[no-untyped-def]
     return out
 
 
-@kernel
+@helper
 def uniform(stream):  # type: ignore[no-untyped-def]
     """The next number of a stream (4,), uniform on [0, 1)."""
     return np.float64(np.int64(_bits(stream) >> _U(11))) * 2.0**-53
 
 
-@kernel
+@helper
 def _half_normal(stream, level, x):  # type: ignore[no-untyped-def]
     """A magnitude, where the first place drawn, ``x`` on ``level``, lies beyond the next level's edge."""
     while True:
@@ -96,7 +96,7 @@ def _half_normal(stream, level, x):  # type: ignore[no-untyped-def]
             return x
 
 
-@kernel
+@helper
 def fill_normals(stream, out):  # type: ignore[no-untyped-def]
     """The next standard normal numbers of a stream (4,) into ``out``, one dimension."""
     s0, s1, s2, s3 = stream[0], stream[1], stream[2], stream[3]

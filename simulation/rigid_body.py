@@ -8,10 +8,8 @@ has no torque.
 
 import math
 
-from numba import njit
-
+from wingwatch.kernels.decorators import compiled, helper
 from wingwatch.simulation.aerodynamics import Deflections, Motion, load
-from wingwatch.simulation.kernel import kernel
 from wingwatch.simulation.layout import (
     CG_X,
     CG_Y,
@@ -80,7 +78,7 @@ SETTING_WIDTH = len(SETTING)
 _LEAST_PLANE = 1e-6
 
 
-@njit(cache=True, error_model="numpy", fastmath=KEEP_BITS, inline="always")
+@compiled(error_model="numpy", fastmath=KEEP_BITS, inline="always")
 def rotation(q0, q1, q2, q3):  # type: ignore[no-untyped-def]
     """Body to earth, row by row."""
     return (
@@ -90,7 +88,7 @@ def rotation(q0, q1, q2, q3):  # type: ignore[no-untyped-def]
     )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy", fastmath=KEEP_BITS, inline="always")
+@compiled(error_model="numpy", fastmath=KEEP_BITS, inline="always")
 def _through_the_wind(s, x, axes):  # type: ignore[no-untyped-def]
     """Velocity of the centre of gravity beside the wind, gusts apart, body axes; ``axes`` of ``rotation``."""
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = axes
@@ -104,13 +102,13 @@ def _through_the_wind(s, x, axes):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, error_model="numpy", fastmath=KEEP_BITS, inline="always")
+@compiled(error_model="numpy", fastmath=KEEP_BITS, inline="always")
 def _density(s, above):  # type: ignore[no-untyped-def]
     """Air density so far ``above`` the altitude of its expansion, kg/m3."""
     return s[DENSITY] + above * (s[DENSITY_SLOPE] + above * s[DENSITY_CURVE])
 
 
-@njit(cache=True, error_model="numpy", fastmath=KEEP_BITS, inline="always")
+@compiled(error_model="numpy", fastmath=KEEP_BITS, inline="always")
 def rates(c, s, x, stage, share, k):  # type: ignore[no-untyped-def]
     """d(state)/dt into ``k`` (13,); at stage 0 ``s`` is left with motion through the air, specific force and spin-up.
 
@@ -183,7 +181,7 @@ def rates(c, s, x, stage, share, k):  # type: ignore[no-untyped-def]
         s[SPIN], s[SPIN_Q], s[SPIN_R] = k[10], k[11], k[12]
 
 
-@kernel
+@helper
 def airspeed(c, s, x):  # type: ignore[no-untyped-def]
     """Airspeed of the reference point, m/s, at the start of a step: the size of what ``rates`` leaves in ``s``."""
     p, q, r = x[10] - s[GUST_P], x[11] - s[GUST_Q], x[12] - s[GUST_R]
@@ -194,7 +192,7 @@ def airspeed(c, s, x):  # type: ignore[no-untyped-def]
     return math.sqrt(u * u + v * v + w * w)
 
 
-@njit(cache=True, error_model="numpy", fastmath=KEEP_BITS, inline="always")
+@compiled(error_model="numpy", fastmath=KEEP_BITS, inline="always")
 def _spin_up(c, p, q, r, roll, pitch, yaw):  # type: ignore[no-untyped-def]
     """Angular acceleration, I^-1 (M - omega x I omega)."""
     hx = c[INERTIA_X] * p - c[INERTIA_XY] * q - c[INERTIA_XZ] * r
@@ -208,7 +206,7 @@ def _spin_up(c, p, q, r, roll, pitch, yaw):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, error_model="numpy", fastmath=KEEP_BITS)
+@compiled(error_model="numpy", fastmath=KEEP_BITS)
 def advance(c, s, x, dt, k, middle, total):  # type: ignore[no-untyped-def]
     """One classical fourth-order Runge-Kutta step of the state, in place; the quaternion is brought back to length one.
 

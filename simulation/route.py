@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft import GRAVITY_M_S2, Aircraft, FlightCondition, TrimError
-from wingwatch.simulation.kernel import kernel
+from wingwatch.kernels.decorators import helper
 from wingwatch.simulation.layout import ELEVATOR_LIMIT, RUDDER_LIMIT, parameter_row
 from wingwatch.simulation.trim import trim
 
@@ -137,7 +137,7 @@ def _ahead_m(leg: NDArray[np.float64], following: NDArray[np.float64]) -> float:
     return min(radius * math.tan(0.5 * turn), _MOST_RADII_AHEAD * radius, half)
 
 
-@kernel
+@helper
 def _towards(leg, across_m, north, east):  # type: ignore[no-untyped-def]
     """Bank in rad that the L1 law wants, at velocities over the ground and a position from the leg's start."""
     ground = math.sqrt(north * north + east * east)
@@ -154,7 +154,7 @@ def _towards(leg, across_m, north, east):  # type: ignore[no-untyped-def]
     return math.atan(2.0 * ground * ground / ahead * turn / GRAVITY_M_S2)
 
 
-@kernel
+@helper
 def route_bank(route, leg, north_m, east_m, north, east):  # type: ignore[no-untyped-def]
     """Bank in rad towards a leg of a route, and the leg that is flown by then.
 

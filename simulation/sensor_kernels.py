@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.simulation.kernel import kernel
+from wingwatch.kernels.decorators import helper, whole
 from wingwatch.simulation.random_numbers import fill_normals, uniform
 
 __all__ = [
@@ -117,7 +117,7 @@ class _Workspace(NamedTuple):
     """(3, rows): its gain, bias and delay in samples."""
 
 
-@kernel
+@helper
 def _wrapped(angle):  # type: ignore[no-untyped-def]
     """To [-pi, pi], untouched where it is there."""
     if -math.pi <= angle <= math.pi:
@@ -125,7 +125,7 @@ def _wrapped(angle):  # type: ignore[no-untyped-def]
     return angle - _TURN * np.rint(angle / _TURN)
 
 
-@kernel
+@helper
 def _follow(x, n, sample, entries, lags, memory, i, j):  # type: ignore[no-untyped-def]
     """The lag: z' = Phi z + older u + newer u', exact for an input that is linear between samples."""
     row, output = int(entries[i, j, LAG]), int(entries[i, j, OUTPUT])
@@ -149,7 +149,7 @@ def _follow(x, n, sample, entries, lags, memory, i, j):  # type: ignore[no-untyp
     memory[i, j, LAST], memory[i, j, TURNS] = last, turns
 
 
-@kernel
+@helper
 def _severities(faults, piece, j, errors):  # type: ignore[no-untyped-def]
     """Faults of one entry onto its gain, bias and delay (rows of ``errors``); severity as in ``Effect.severity``."""
     i, sample = piece.vehicle, piece.sample
@@ -167,7 +167,7 @@ def _severities(faults, piece, j, errors):  # type: ignore[no-untyped-def]
             errors[2, k] = max(errors[2, k] + severity * faults[i, f, 3], 0.0)
 
 
-@kernel
+@helper
 def _delay(x, n, delay, sample, angle, ring, start, mask):  # type: ignore[no-untyped-def]
     """Each sample as it was ``delay[2]`` samples ago, linear in between; before the flight as at its start."""
     if sample == 0 and n > 0:
@@ -185,7 +185,7 @@ def _delay(x, n, delay, sample, angle, ring, start, mask):  # type: ignore[no-un
         x[k] = _wrapped(value) if angle else value
 
 
-@kernel
+@helper
 def _renew(x, n, sample, rate_hz, own_hz, held, reading):  # type: ignore[no-untyped-def]
     """A slow column: a reading at the first sample at or after each of its own instants 0, 1/own_hz, 2/own_hz ..."""
     for k in range(n):
@@ -200,7 +200,7 @@ def _renew(x, n, sample, rate_hz, own_hz, held, reading):  # type: ignore[no-unt
     return reading
 
 
-@kernel
+@helper
 def _late_and_faulty(piece, table, ring, j, work):  # type: ignore[no-untyped-def]
     """Delay, gain and bias of one entry that is delayed or has faults."""
     entries, i, n, x, errors = table.entries, piece.vehicle, piece.rows, work.x, work.errors
@@ -219,7 +219,7 @@ def _late_and_faulty(piece, table, ring, j, work):  # type: ignore[no-untyped-de
         x[k] = errors[0, k] * x[k] + errors[1, k]
 
 
-@kernel
+@helper
 def _add_noise(x, n, noise_std, stream, work):  # type: ignore[no-untyped-def]
     """White noise from the stream's next number of each sample."""
     place, noisy = work.drawn[stream], work.noisy[stream]
@@ -228,7 +228,7 @@ def _add_noise(x, n, noise_std, stream, work):  # type: ignore[no-untyped-def]
         x[k] += noise_std * work.normals[stream, place + k * noisy]
 
 
-@kernel
+@helper
 def _freeze(x, piece, freeze_s, frozen):  # type: ignore[no-untyped-def]
     """After a time the last reading up to then, wherever there is a reading; left with what is repeated."""
     for k in range(piece.rows):
@@ -241,7 +241,7 @@ def _freeze(x, piece, freeze_s, frozen):  # type: ignore[no-untyped-def]
     return frozen
 
 
-@kernel
+@helper
 def _read_piece(values, piece, table, state, work):  # type: ignore[no-untyped-def]
     """A piece through every stage but dropouts."""
     i, first, n, sample = piece.vehicle, piece.first, piece.rows, piece.sample
@@ -284,7 +284,7 @@ def _read_piece(values, piece, table, state, work):  # type: ignore[no-untyped-d
             values[i, first + k, column] = x[k]
 
 
-@kernel
+@helper
 def _drop(values, piece, table, state):  # type: ignore[no-untyped-def]
     """Two-state Markov dropouts of whole samples (first) and of single columns, one number each a sample."""
     i, first = piece.vehicle, piece.first
@@ -309,7 +309,7 @@ def _drop(values, piece, table, state):  # type: ignore[no-untyped-def]
                 values[i, k, int(entries[i, j - 1, COLUMN])] = np.nan
 
 
-@kernel
+@whole
 def read_sensors(values, first_sample, rate_hz, table, state):  # type: ignore[no-untyped-def]
     """True columns (vehicles, samples, channels) become readings in place; the state advances by as many samples.
 

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_lyapunov
 
-from wingwatch.simulation.kernel import kernel
+from wingwatch.kernels.decorators import helper
 from wingwatch.simulation.turbulence_spectra import (
     LEVELS,
     MODELS,
@@ -307,7 +307,7 @@ ROW = _P_NUMBERS + 4
 """Numbers in ``TurbulenceFilter.row``."""
 
 
-@kernel
+@helper
 def _step_across(f, a, x, b, n0, n1):  # type: ignore[no-untyped-def]
     """A gust across the path and its lag, numbers ``f[a:]``, states ``x[b:]``.
 
@@ -340,7 +340,7 @@ def _step_across(f, a, x, b, n0, n1):  # type: ignore[no-untyped-def]
     return gust, f[a + 28] * over, curve - 0.125 * (over - over_before) / steps, f[a + 28] * curve
 
 
-@kernel
+@helper
 def gust_step(row, state, normals, after, middle):  # type: ignore[no-untyped-def]
     """One step of a ``TurbulenceFilter``.
 

@@ -12,7 +12,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.simulation.kernel import kernel
+from wingwatch.kernels.decorators import helper
 
 __all__ = ["WIND", "WindProfile", "wind_at", "wind_row"]
 
@@ -93,7 +93,7 @@ def wind_row(
     ])  # fmt: skip
 
 
-@kernel
+@helper
 def wind_at(row, altitude_m, out):  # type: ignore[no-untyped-def]
     """Velocity of the air over the ground (north, east, down), m/s, at an altitude above the sea, into ``out`` (3,)."""
     north, east, altitude = row[_NORTH], row[_EAST], altitude_m

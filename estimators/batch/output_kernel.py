@@ -12,8 +12,9 @@ differentiating the recursion, so they are those of the very numbers that come o
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from wingwatch.kernels.decorators import compiled, helper
 
 __all__ = ["Accelerometers", "Record", "respond"]
 
@@ -90,7 +91,7 @@ class _Step(NamedTuple):
     width: int
 
 
-@njit(cache=True)
+@helper
 def _terms(a, dt):  # type: ignore[no-untyped-def]
     """How many terms of the series until they drown in rounding."""
     norm = 0.0
@@ -106,7 +107,7 @@ def _terms(a, dt):  # type: ignore[no-untyped-def]
     return count
 
 
-@njit(cache=True)
+@helper
 def _fill(theta, known, stability, width, a):  # type: ignore[no-untyped-def]
     """A at the present scale; rows without derivatives are the known ones alone."""
     ns = a.shape[0]
@@ -118,7 +119,7 @@ def _fill(theta, known, stability, width, a):  # type: ignore[no-untyped-def]
             a[i, j] += theta[i * width + j] * stability
 
 
-@njit(cache=True)
+@helper
 def _advance(x, sens, step):  # type: ignore[no-untyped-def]
     """x (states,) and its sensitivities (states, parameters) advance by one ``_Step`` in place."""
     a, neq, width = step.a, step.equations, step.width
@@ -159,7 +160,7 @@ def _advance(x, sens, step):  # type: ignore[no-untyped-def]
         sens += s
 
 
-@njit(cache=True)
+@helper
 def _reading(model, row, lever_m, bias, x, sens, dy):  # type: ignore[no-untyped-def]
     """An accelerometer's reading and, added to ``dy``, its sensitivity to all but its bias: the aerodynamics and trim
     of equation ``row`` and the bias, less the lever (equations,) times the accelerations."""
@@ -192,7 +193,7 @@ def _reading(model, row, lever_m, bias, x, sens, dy):  # type: ignore[no-untyped
     return reading
 
 
-@njit(cache=True)
+@compiled()
 def respond(theta, own, drifting, accelerometers, record, out, sensitivity):  # type: ignore[no-untyped-def]
     """Outputs of one manoeuvre and their sensitivities.
 

@@ -17,9 +17,9 @@ from wingwatch.estimators.ekf.noise import (
     difference_variance,
     learn_reading_noise,
 )
-from wingwatch.estimators.kernels.hot import hot, whole
 from wingwatch.estimators.kernels.levels import advance_level
 from wingwatch.estimators.kernels.reading_noise import follow_reading, largest_variance, reading_variance
+from wingwatch.kernels.decorators import hot, whole
 
 __all__ = [
     "Prediction",

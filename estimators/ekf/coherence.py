@@ -9,7 +9,7 @@ import numpy as np
 
 from wingwatch.estimators.ekf.state import Coherence, EkfState
 from wingwatch.estimators.kernels.dispersion import PRIOR_FREEDOM
-from wingwatch.estimators.kernels.hot import helper, hot, whole
+from wingwatch.kernels.decorators import helper, hot, whole
 
 __all__ = [
     "coherent_dispersion",

@@ -6,8 +6,8 @@ both triangles alike to the last bit.
 
 import numpy as np
 
-from wingwatch.estimators.kernels.hot import helper, hot
 from wingwatch.estimators.kernels.symmetric import invert
+from wingwatch.kernels.decorators import helper, hot
 
 __all__ = ["correct", "forget", "inverse_of", "leave_out", "of_derivatives", "predict", "reseat"]
 

@@ -54,7 +54,6 @@ from wingwatch.estimators.ekf.state import (
 from wingwatch.estimators.ekf.window import SOLUTIONS, WINDOW_ROWS, begin_window, remember
 from wingwatch.estimators.estimate import Estimate
 from wingwatch.estimators.kernels.apart import apart
-from wingwatch.estimators.kernels.by_address import ByAddress
 from wingwatch.estimators.kernels.dispersion import dispersion_workspace
 from wingwatch.estimators.kernels.intersample import servos_of
 from wingwatch.estimators.kernels.levels import LEVELS
@@ -63,6 +62,7 @@ from wingwatch.estimators.lanes import Lanes, all_lanes
 from wingwatch.estimators.reference import offsets, referred_scale
 from wingwatch.estimators.signals import SignalLayout
 from wingwatch.estimators.standing import ConcisePosterior, Standings, stand
+from wingwatch.kernels.by_address import ByAddress
 
 __all__ = ["EkfConfig", "EkfEstimator", "EkfState"]
 

@@ -6,7 +6,7 @@ from wingwatch.estimators.ekf.model import gust_decay, transition
 from wingwatch.estimators.ekf.noise import process_noise
 from wingwatch.estimators.ekf.sample import Step
 from wingwatch.estimators.ekf.state import ESTIMATED, PATH
-from wingwatch.estimators.kernels.hot import helper, whole
+from wingwatch.kernels.decorators import helper, whole
 
 __all__ = ["gust_variance"]
 

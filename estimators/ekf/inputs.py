@@ -15,7 +15,7 @@ variables). So:
 import numpy as np
 
 from wingwatch.estimators.ekf.state import FIRST_READING, READINGS, SQUARES, SUM
-from wingwatch.estimators.kernels.hot import helper, hot, whole
+from wingwatch.kernels.decorators import helper, hot, whole
 
 __all__ = [
     "FOLLOWED_STEPS",

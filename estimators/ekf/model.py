@@ -23,7 +23,7 @@ import numpy as np
 
 from wingwatch.estimators.ekf.sample import Transition
 from wingwatch.estimators.ekf.state import ACCELERATION, PATH, TURN
-from wingwatch.estimators.kernels.hot import helper, hot, whole
+from wingwatch.kernels.decorators import helper, hot, whole
 
 __all__ = [
     "LEAST_DAMPING",

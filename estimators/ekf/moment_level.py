@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from wingwatch.estimators.ekf.model import acceleration_state
 from wingwatch.estimators.ekf.noise import UNMODELLED
 from wingwatch.estimators.ekf.state import ACCELERATION
-from wingwatch.estimators.kernels.hot import hot, whole
+from wingwatch.kernels.decorators import hot, whole
 
 __all__ = [
     "Slope",

@@ -4,7 +4,7 @@ import numpy as np
 
 from wingwatch.estimators.ekf.model import acceleration_state, gust_turn
 from wingwatch.estimators.ekf.state import PATH, TURN
-from wingwatch.estimators.kernels.hot import helper, hot, whole
+from wingwatch.kernels.decorators import helper, hot, whole
 
 __all__ = [
     "LEAST",

@@ -59,12 +59,12 @@ from wingwatch.estimators.ekf.state import (
     running,
     sizes_of,
 )
-from wingwatch.estimators.kernels.hot import entry, hot, part, sizes, whole, whole_entry
 from wingwatch.estimators.kernels.intersample import means_of_rows
 from wingwatch.estimators.kernels.levels import start_level
 from wingwatch.estimators.kernels.reading_noise import forget_readings
 from wingwatch.estimators.lanes import Lanes, all_lanes
 from wingwatch.estimators.signals import CONDITION_COLUMNS
+from wingwatch.kernels.decorators import entry, hot, part, sizes, whole, whole_entry
 from wingwatch.telemetry import MAX_GAP_S
 
 __all__ = [

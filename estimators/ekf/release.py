@@ -26,7 +26,7 @@ from wingwatch.estimators.ekf.state import (
     put_vehicle,
 )
 from wingwatch.estimators.ekf.window import FIRST, cut_at, recalled, set_checkpoint
-from wingwatch.estimators.kernels.by_address import ByAddress
+from wingwatch.kernels.by_address import ByAddress
 
 __all__ = ["gained_in_window", "keep_ratios", "release_since"]
 

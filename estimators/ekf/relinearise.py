@@ -67,10 +67,10 @@ from wingwatch.estimators.ekf.window import (
     recalled,
 )
 from wingwatch.estimators.kernels.apart import apart, room_around
-from wingwatch.estimators.kernels.by_address import ByAddress
-from wingwatch.estimators.kernels.copying import copy_into
-from wingwatch.estimators.kernels.hot import helper, part, whole
 from wingwatch.estimators.kernels.symmetric import invert
+from wingwatch.kernels.by_address import ByAddress
+from wingwatch.kernels.copying import copy_into
+from wingwatch.kernels.decorators import helper, part, whole
 
 __all__ = ["relinearise_all", "run_window_again"]
 

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from wingwatch.estimators.ekf.coherence import coherent_dispersion
 from wingwatch.estimators.ekf.state import EkfState, Scatter
-from wingwatch.estimators.kernels.copying import copy_into
 from wingwatch.estimators.kernels.dispersion import (
     DISPERSION,
     disperse,
@@ -21,8 +20,9 @@ from wingwatch.estimators.kernels.dispersion import (
     dispersion_workspace,
     gather_scatter,
 )
-from wingwatch.estimators.kernels.hot import helper, whole
 from wingwatch.estimators.kernels.symmetric import invert
+from wingwatch.kernels.copying import copy_into
+from wingwatch.kernels.decorators import helper, whole
 
 __all__ = [
     "BLOCK_SOLUTIONS",

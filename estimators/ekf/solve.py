@@ -8,9 +8,9 @@ from wingwatch.estimators.ekf.inputs import input_noise_information
 from wingwatch.estimators.ekf.recursion import WARM_UP
 from wingwatch.estimators.ekf.scatter import begin_block, close_block
 from wingwatch.estimators.ekf.state import FIRST_READING, NEWEST, READINGS, SQUARES, SUM, TIME, VANE
-from wingwatch.estimators.kernels.copying import copy_into
-from wingwatch.estimators.kernels.hot import helper, part, whole_entry
 from wingwatch.estimators.kernels.symmetric import invert
+from wingwatch.kernels.copying import copy_into
+from wingwatch.kernels.decorators import helper, part, whole_entry
 
 __all__ = ["solve_all"]
 

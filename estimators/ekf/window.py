@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.estimators.ekf.state import ACCELERATION, NEWEST, TIME, EkfState
-from wingwatch.estimators.kernels.copying import copy_into
-from wingwatch.estimators.kernels.hot import helper, part, whole
+from wingwatch.kernels.copying import copy_into
+from wingwatch.kernels.decorators import helper, part, whole
 
 __all__ = [
     "FIRST",

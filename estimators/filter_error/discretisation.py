@@ -10,8 +10,9 @@ The series are summed for a step short enough that ||A|| h <= 1/2; two steps are
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from wingwatch.kernels.decorators import compiled
 
 __all__ = ["discretise", "stationary_covariance"]
 
@@ -24,7 +25,7 @@ _DOUBLINGS = 40
 """2^40 steps: a hundred years at 50 Hz."""
 
 
-@njit(cache=True)
+@compiled()
 def discretise(a, b, w, h):  # type: ignore[no-untyped-def]
     """One step of length h.
 
@@ -65,7 +66,7 @@ def discretise(a, b, w, h):  # type: ignore[no-untyped-def]
     return f, early, late, 0.5 * (q + q.T)
 
 
-@njit(cache=True)
+@compiled()
 def stationary_covariance(f, q):  # type: ignore[no-untyped-def]
     """P = F P F' + Q of a stable F, by doubling the number of steps: (n, n)."""
     p, power = q.copy(), f.copy()

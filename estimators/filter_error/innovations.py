@@ -9,8 +9,9 @@ innovations differ by what the parameters make of them and by nothing else.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from wingwatch.kernels.decorators import compiled, helper
 
 __all__ = ["Record", "System", "Trace", "empty_trace", "filter_columns", "innovations"]
 
@@ -84,7 +85,7 @@ def empty_trace(samples: int, channels: int, states: int) -> Trace:
     )
 
 
-@njit(cache=True)
+@helper
 def _places(matrix):  # type: ignore[no-untyped-def]
     """Columns of the entries that are not zero, row by row, and how many: most of a transition is, at any level."""
     n = matrix.shape[0]
@@ -97,7 +98,7 @@ def _places(matrix):  # type: ignore[no-untyped-def]
     return count, where
 
 
-@njit(cache=True)
+@helper
 def _spread(f, noise, p, work, count, where):  # type: ignore[no-untyped-def]
     """P = F P F' + Q, in place."""
     n = p.shape[0]
@@ -119,7 +120,7 @@ def _spread(f, noise, p, work, count, where):  # type: ignore[no-untyped-def]
             p[j, i] = total
 
 
-@njit(cache=True)
+@helper
 def _advance(system, record, t, x, old):  # type: ignore[no-untyped-def]
     """x from sample t - 1 to t, in place."""
     n, at = x.size, system.level[t - 1]
@@ -135,7 +136,7 @@ def _advance(system, record, t, x, old):  # type: ignore[no-untyped-def]
         x[i] = total
 
 
-@njit(cache=True)
+@helper
 def _read(system, trace, t, q, p, before):  # type: ignore[no-untyped-def]
     """Gain and innovation variance of channel q at sample t, and P after it; returns the change of the gain by
     what it does to predicted readings, in their noises."""
@@ -164,7 +165,7 @@ def _read(system, trace, t, q, p, before):  # type: ignore[no-untyped-def]
     return change
 
 
-@njit(cache=True)
+@compiled()
 def innovations(system, record, trace, lead):  # type: ignore[no-untyped-def]
     """Run the filter over a window.
 
@@ -209,7 +210,7 @@ def innovations(system, record, trace, lead):  # type: ignore[no-untyped-def]
         settled = same and change <= _SETTLED
 
 
-@njit(cache=True)
+@compiled()
 def filter_columns(system, trace, used, readings, states):  # type: ignore[no-untyped-def]
     """Readings of any number of columns sent through the filter of a trace, in place.
 

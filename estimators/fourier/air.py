@@ -13,8 +13,8 @@ from wingwatch.estimators.fourier.bank import (
     bank_channels,
 )
 from wingwatch.estimators.fourier.state import AIRSPEED, CONDITION, DENSITY, LAST, SAMPLES, START
-from wingwatch.estimators.kernels.hot import lean
 from wingwatch.estimators.signals import CONDITION_COLUMNS
+from wingwatch.kernels.decorators import lean
 
 __all__ = ["advance_air", "air_channels", "present_regressors", "product_channel", "rebase_products"]
 

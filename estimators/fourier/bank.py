@@ -9,8 +9,8 @@ import math
 import numpy as np
 
 from wingwatch.estimators.fourier.state import BEFORE, LAST, TIME
-from wingwatch.estimators.kernels.hot import hot, lean
 from wingwatch.estimators.kernels.intersample import means_of_rows
+from wingwatch.kernels.decorators import hot, lean
 
 __all__ = [
     "CONSTANT",

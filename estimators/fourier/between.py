@@ -8,7 +8,7 @@ import math
 
 from wingwatch.estimators.fourier.bank import NUISANCE, TURN_SIZE
 from wingwatch.estimators.fourier.state import LAST, START
-from wingwatch.estimators.kernels.hot import lean
+from wingwatch.kernels.decorators import lean
 
 __all__ = ["between_samples", "rate_of", "turned_between_samples"]
 

@@ -66,11 +66,11 @@ from wingwatch.estimators.fourier.state import (
     Memory,
 )
 from wingwatch.estimators.kernels.apart import apart
-from wingwatch.estimators.kernels.by_address import one_vehicle
 from wingwatch.estimators.kernels.dispersion import DispersionWorkspace, dispersion_workspace
-from wingwatch.estimators.kernels.hot import entry, lean, part
 from wingwatch.estimators.kernels.intersample import frames_of, means_of_rows
 from wingwatch.estimators.kernels.reading_noise import follow_reading, forget_readings
+from wingwatch.kernels.by_address import one_vehicle
+from wingwatch.kernels.decorators import entry, lean, part
 from wingwatch.telemetry import MAX_GAP_S
 
 __all__ = ["Workspace", "advance", "block_workspace", "fill"]

@@ -22,8 +22,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.estimators.kernels.hot import lean
 from wingwatch.estimators.kernels.symmetric import product, solve_general
+from wingwatch.kernels.decorators import lean
 
 __all__ = [
     "CHANGE_LOG_THRESHOLD",

@@ -27,7 +27,7 @@ from wingwatch.estimators.fourier.misfit import misfit_dispersions
 from wingwatch.estimators.fourier.solution import ALONE, remembered, solve_block
 from wingwatch.estimators.fourier.state import CONDITION, LAST, START, TIME, Linearisation, Prior
 from wingwatch.estimators.kernels.dispersion import disperse
-from wingwatch.estimators.kernels.hot import part
+from wingwatch.kernels.decorators import part
 
 __all__ = ["NO_CHANGE", "cut_after", "cut_before", "find_change", "let_change"]
 

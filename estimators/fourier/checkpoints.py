@@ -7,7 +7,7 @@ X(a), exactly, so a copy of the bank at a is all that is needed to tell the last
 import math
 
 from wingwatch.estimators.fourier.state import LAST, START, TIME
-from wingwatch.estimators.kernels.hot import lean
+from wingwatch.kernels.decorators import lean
 
 __all__ = [
     "CHECKPOINTS",

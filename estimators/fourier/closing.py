@@ -40,9 +40,9 @@ from wingwatch.estimators.kernels.dispersion import (
     dispersion_of,
     gather_scatter,
 )
-from wingwatch.estimators.kernels.hot import lean, part
 from wingwatch.estimators.kernels.reading_noise import reading_variance
 from wingwatch.estimators.kernels.symmetric import invert
+from wingwatch.kernels.decorators import lean, part
 
 __all__ = [
     "believe_inputs",

@@ -4,7 +4,7 @@ Derivation and symbols: ``docs/methods/fourier.md`` section 8. Arrays are those 
 """
 
 from wingwatch.estimators.kernels.dispersion import PRIOR_FREEDOM
-from wingwatch.estimators.kernels.hot import lean
+from wingwatch.kernels.decorators import lean
 
 __all__ = ["coherent_dispersion", "gather_coherence"]
 

@@ -3,7 +3,7 @@
 import math
 
 from wingwatch.estimators.fourier.state import AIRSPEED, ALPHA, ALTITUDE, DENSITY, SAMPLES
-from wingwatch.estimators.kernels.hot import lean
+from wingwatch.kernels.decorators import lean
 
 __all__ = ["gather_condition", "mean_condition"]
 

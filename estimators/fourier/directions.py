@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.estimators.kernels.hot import lean
 from wingwatch.estimators.kernels.symmetric import (
     all_below,
     backward,
@@ -17,6 +16,7 @@ from wingwatch.estimators.kernels.symmetric import (
     eigen,
     whiten,
 )
+from wingwatch.kernels.decorators import lean
 
 __all__ = ["DirectionsWorkspace", "directions_workspace", "noise_edge", "reduce_information"]
 

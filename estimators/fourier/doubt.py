@@ -5,7 +5,7 @@ Derivation: ``docs/methods/fourier.md`` section 2, (10a) to (10c).
 
 from wingwatch.estimators.fourier.noise import channel_variance
 from wingwatch.estimators.fourier.state import COURSES, GUST, ROLLING
-from wingwatch.estimators.kernels.hot import lean
+from wingwatch.kernels.decorators import lean
 
 __all__ = ["doubt_of", "doubt_of_courses"]
 

@@ -5,7 +5,7 @@ imaginary parts lie apart and bins side by side.
 """
 
 from wingwatch.estimators.fourier.noise import DRIVING
-from wingwatch.estimators.kernels.hot import lean
+from wingwatch.kernels.decorators import lean
 
 __all__ = ["driven_motions", "roll_shared_at_ends"]
 

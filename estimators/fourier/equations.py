@@ -15,7 +15,7 @@ from wingwatch.estimators.fourier.between import rate_of
 from wingwatch.estimators.fourier.checkpoints import copy_matrix
 from wingwatch.estimators.fourier.nuisance import prior_of
 from wingwatch.estimators.fourier.state import LAST, START
-from wingwatch.estimators.kernels.hot import lean
+from wingwatch.kernels.decorators import lean
 
 __all__ = ["EquationSides", "normal_equations", "residual_of", "responses", "with_other_regressors"]
 

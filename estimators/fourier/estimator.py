@@ -41,13 +41,13 @@ from wingwatch.estimators.fourier.state import (
     State,
 )
 from wingwatch.estimators.kernels.apart import room_around
-from wingwatch.estimators.kernels.by_address import ByAddress
 from wingwatch.estimators.kernels.intersample import servos_of
 from wingwatch.estimators.kernels.reading_noise import READING_MEMORY
 from wingwatch.estimators.lanes import Lanes, all_lanes
 from wingwatch.estimators.reference import offsets, referred_scale
 from wingwatch.estimators.signals import SignalLayout
 from wingwatch.estimators.standing import ConcisePosterior, Standings, stand
+from wingwatch.kernels.by_address import ByAddress
 
 __all__ = ["FourierConfig", "FourierEstimator", "FourierState"]
 

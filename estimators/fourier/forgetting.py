@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.estimators.kernels.hot import lean
 from wingwatch.estimators.kernels.symmetric import (
     all_above,
     all_below,
@@ -20,6 +19,7 @@ from wingwatch.estimators.kernels.symmetric import (
     product,
     solve_general,
 )
+from wingwatch.kernels.decorators import lean
 
 __all__ = ["ForgettingWorkspace", "forgetting_workspace", "replaced"]
 

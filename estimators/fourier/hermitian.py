@@ -3,7 +3,7 @@
 Real and imaginary parts lie apart, (rows, rows, 2, bins).
 """
 
-from wingwatch.estimators.kernels.hot import lean
+from wingwatch.kernels.decorators import lean
 
 __all__ = ["condition_on_last", "invert_2", "invert_3", "join_last"]
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.estimators.fourier.forgetting import ForgettingWorkspace, forgetting_workspace, replaced
-from wingwatch.estimators.kernels.hot import lean
 from wingwatch.estimators.kernels.symmetric import congruence
+from wingwatch.kernels.decorators import lean
 
 __all__ = ["MemoryWorkspace", "discount", "memory_workspace", "replace"]
 

@@ -4,7 +4,7 @@ Derivation and symbols: ``docs/methods/fourier.md`` section 10, (37a) and (37b).
 """
 
 from wingwatch.estimators.kernels.dispersion import CHI_SQUARE, DISPERSION, FREEDOM
-from wingwatch.estimators.kernels.hot import lean
+from wingwatch.kernels.decorators import lean
 
 __all__ = ["misfit_dispersions"]
 

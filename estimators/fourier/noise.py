@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from wingwatch.estimators.fourier.hermitian import condition_on_last, invert_2, invert_3, join_last
 from wingwatch.estimators.fourier.state import AIR_VARIANCES, GUST
-from wingwatch.estimators.kernels.hot import lean
+from wingwatch.kernels.decorators import lean
 
 __all__ = [
     "DRIVING",

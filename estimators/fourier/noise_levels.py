@@ -7,7 +7,7 @@ import math
 
 from wingwatch.estimators.fourier.noise import SMALLEST_VARIANCE, between_samples_variance
 from wingwatch.estimators.fourier.state import AIR_VARIANCES, BETWEEN, GUST, ROLLING, WEIGHT
-from wingwatch.estimators.kernels.hot import lean
+from wingwatch.kernels.decorators import lean
 
 __all__ = ["AIR_MEMORY", "INPUT_RESOLUTION", "start_noise", "update_noise"]
 

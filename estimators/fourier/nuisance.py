@@ -25,8 +25,8 @@ from wingwatch.estimators.fourier.bank import (
     VANE_LEAD,
 )
 from wingwatch.estimators.fourier.state import GUST
-from wingwatch.estimators.kernels.hot import lean
 from wingwatch.estimators.kernels.symmetric import backward, cholesky, forward
+from wingwatch.kernels.decorators import lean
 
 __all__ = [
     "NormalWorkspace",

@@ -6,7 +6,7 @@ Derivation and equation numbers: ``docs/methods/fourier.md`` section 3. Memory i
 
 from wingwatch.estimators.fourier.noise import DRIVING
 from wingwatch.estimators.fourier.state import GUST, ROLLING
-from wingwatch.estimators.kernels.hot import lean
+from wingwatch.kernels.decorators import lean
 
 __all__ = ["expected_products", "motion_by_moments"]
 

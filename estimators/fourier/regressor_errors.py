@@ -8,7 +8,7 @@ with the residual. Derivation and equation numbers: ``docs/methods/fourier.md`` 
 from wingwatch.estimators.fourier.checkpoints import copy_bank
 from wingwatch.estimators.fourier.noise import channel_variance
 from wingwatch.estimators.fourier.state import GUST, ROLLING
-from wingwatch.estimators.kernels.hot import lean
+from wingwatch.kernels.decorators import lean
 
 __all__ = ["add_unseen_errors", "shared_with_residual", "shown_by_residual", "without_errors"]
 

@@ -77,8 +77,8 @@ from wingwatch.estimators.fourier.state import (
     Memory,
     Transforms,
 )
-from wingwatch.estimators.kernels.hot import lean, part
 from wingwatch.estimators.kernels.symmetric import congruence, invert
+from wingwatch.kernels.decorators import lean, part
 
 __all__ = [
     "ALONE",

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.estimators.kernels.hot import lean
 from wingwatch.estimators.kernels.symmetric import congruence, eigen, invert
+from wingwatch.kernels.decorators import lean
 
 __all__ = [
     "CHI_SQUARE",

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.estimators.kernels.hot import hot, lean
+from wingwatch.kernels.decorators import hot, lean
 
 __all__ = [
     "Course",

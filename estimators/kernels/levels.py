@@ -8,7 +8,7 @@ the most likely. What is known of the level's motion (inertial navigation, say) 
 
 import numpy as np
 
-from wingwatch.estimators.kernels.hot import helper
+from wingwatch.kernels.decorators import helper
 
 __all__ = ["LEVELS", "SLOWEST_S", "advance_level", "set_gains", "start_level"]
 

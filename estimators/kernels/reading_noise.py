@@ -15,7 +15,7 @@ magnitudes in logarithms, by steps of a sign.
 
 import math
 
-from wingwatch.estimators.kernels.hot import lean
+from wingwatch.kernels.decorators import lean
 
 __all__ = ["READING_MEMORY", "follow_reading", "forget_readings", "largest_variance", "reading_variance"]
 

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft.atmosphere import GRAVITY_M_S2
-from wingwatch.estimators.kernels.hot import helper, whole
 from wingwatch.estimators.kernels.intersample import frames_of
 from wingwatch.estimators.kernels.levels import advance_level, start_level
+from wingwatch.kernels.decorators import helper, whole
 from wingwatch.telemetry import CHANNEL_INDEX, MAX_GAP_S
 
 __all__ = [

@@ -6,7 +6,7 @@ which the processor takes several numbers at a time of. Only lower triangles of 
 
 import math
 
-from wingwatch.estimators.kernels.hot import lean
+from wingwatch.kernels.decorators import lean
 
 __all__ = [
     "all_above",

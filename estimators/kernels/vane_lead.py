@@ -8,7 +8,7 @@ left: Thiran 1971). An all-pass keeps the vane's noise white. Derivation: ``docs
 
 import numpy as np
 
-from wingwatch.estimators.kernels.hot import whole
+from wingwatch.kernels.decorators import whole
 from wingwatch.telemetry import MAX_GAP_S
 
 __all__ = ["VANE_MEMORY", "meet_at_centre"]

@@ -23,8 +23,8 @@ from scipy.special import log_ndtr
 
 from wingwatch.aircraft import AffineForm, Aircraft, AircraftDataError, FlightCondition, ModeStructure
 from wingwatch.estimators import offsets, referred_scale
-from wingwatch.estimators.kernels.hot import whole
 from wingwatch.estimators.kernels.symmetric import cholesky, forward
+from wingwatch.kernels.decorators import whole
 
 __all__ = [
     "Along",

@@ -9,10 +9,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from wingwatch.aircraft import Aircraft
+from wingwatch.kernels.decorators import compiled
 from wingwatch.telemetry import CHANNEL_INDEX, MAX_GAP_S, SampleBlock
 
 __all__ = ["FlightRegime", "RegimeState", "least_stall_speed_m_s"]
@@ -168,7 +168,7 @@ class FlightRegime:
         return np.asarray((since_s >= 0.0) & (since_s <= MAX_GAP_S))
 
 
-@njit(cache=True)
+@compiled()
 def _landed(time_s, airspeed, contradicted, limits, before):  # type: ignore[no-untyped-def]
     """Which samples are of the ground (n,), and ``flew_s`` and ``fell`` after them.
 
@@ -191,7 +191,7 @@ def _landed(time_s, airspeed, contradicted, limits, before):  # type: ignore[no-
     return found, flew_s, fell
 
 
-@njit(cache=True)
+@compiled()
 def _is_attached(values, stall_rad, stalled_s, least_m_s):  # type: ignore[no-untyped-def]
     """Whether all rows (samples, channels) are of attached flight at that airspeed or more, the last stall longer ago
     than ``MAX_GAP_S``."""

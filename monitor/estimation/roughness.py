@@ -4,8 +4,9 @@ Compiled; arrays of all vehicles, one row each. Why: ``supervision``, rough air 
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from wingwatch.kernels.decorators import compiled, helper
 
 __all__ = [
     "ROUGHNESS", "ROUGHNESS_SAMPLES", "follow_motion", "follow_motions", "follow_roughness", "follow_roughnesses",
@@ -35,14 +36,14 @@ LOG_MEAN = -1.2704
 """Mean of its logarithm."""
 
 
-@njit(cache=True)
+@compiled()
 def follow_motions(motion, signals, lanes, memory_s):  # type: ignore[no-untyped-def]
     """``follow_motion`` of vehicles in lanes: ``motion`` (n, 3, ns), ``signals`` (vehicles, samples, columns)."""
     for m in range(lanes.place.size):
         follow_motion(motion[lanes.place[m]], signals[m, : lanes.counts[m]], memory_s)
 
 
-@njit(cache=True)
+@compiled()
 def follow_roughnesses(memory, signals, lanes, column):  # type: ignore[no-untyped-def]
     """``follow_roughness`` of vehicles in lanes, of samples and of means: ``memory`` (n, 2, ROUGHNESS), times in the
     first column of ``signals`` and readings in ``column``."""
@@ -52,7 +53,7 @@ def follow_roughnesses(memory, signals, lanes, column):  # type: ignore[no-untyp
         follow_roughness(own[1], signals[m, :count, 0], signals[m, :count, column], MEAN_S, MEAN_SAMPLES)
 
 
-@njit(cache=True)
+@helper
 def follow_motion(motion, signals, memory_s):  # type: ignore[no-untyped-def]
     """Running mean and mean square of the measured states of one vehicle, sample by sample, in place.
 
@@ -79,7 +80,7 @@ def follow_motion(motion, signals, memory_s):  # type: ignore[no-untyped-def]
         motion[2, 0] = row[0]
 
 
-@njit(cache=True)
+@helper
 def follow_roughness(memory, times, values, mean_s, memory_readings):  # type: ignore[no-untyped-def]
     """Follow the median of squared second differences of one vehicle's readings, in place.
 
@@ -106,7 +107,7 @@ def follow_roughness(memory, times, values, mean_s, memory_readings):  # type: i
         memory[6] = span
 
 
-@njit(cache=True)
+@helper
 def _take_reading(memory, reading, samples, memory_readings):  # type: ignore[no-untyped-def]
     """One more reading, the mean of ``samples``."""
     step = reading - memory[3]

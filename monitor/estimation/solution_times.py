@@ -2,7 +2,7 @@
 
 import math
 
-from numba import njit
+from wingwatch.kernels.decorators import compiled
 
 __all__ = ["LEAST_ROWS", "SOLUTION_INTERVAL_S", "find_due"]
 
@@ -20,7 +20,7 @@ LONG_STEP_S = 10.0 * SOLUTION_INTERVAL_S
 """After a longer step, or one back, the grid begins anew."""
 
 
-@njit(cache=True)
+@compiled()
 def find_due(time_s, memory, found):  # type: ignore[no-untyped-def]
     """Rows after which there is a solution.
 

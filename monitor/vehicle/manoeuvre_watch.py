@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from wingwatch.aircraft import Aircraft
+from wingwatch.kernels.decorators import compiled
 from wingwatch.monitor.detection.surfaces_seen import SURFACES
 from wingwatch.monitor.estimation.chain import Solution
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock
@@ -103,7 +103,7 @@ _USUAL_SPAN, _TRIM, _KNOWN, _LIMIT, _MOVED, _SPAN = range(6)
 manoeuvre that is being flown, the span from which on it moves, and whether it has moved; its latest span."""
 
 
-@njit(cache=True)
+@compiled()
 def look_at(rows, time_s, least, going, known):  # type: ignore[no-untyped-def]
     """What surfaces did up to a solution; where no manoeuvre is being flown, usual span and trim are followed.
 

@@ -10,7 +10,7 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.simulation.kernel import kernel
+from wingwatch.kernels.decorators import helper
 from wingwatch.simulation.layout import SURFACES
 
 __all__ = [
@@ -126,7 +126,7 @@ def excitation_rows(manoeuvres: Sequence[Segments]) -> NDArray[np.float64]:
     return out
 
 
-@kernel
+@helper
 def _sines(row, since):  # type: ignore[no-untyped-def]
     """The sum of a row's sines: a polynomial in exp(i step omega t) by Horner's rule, so two sines and two cosines."""
     turn = row[_BODY] * since
@@ -144,7 +144,7 @@ def _sines(row, since):  # type: ignore[no-untyped-def]
     return imaginary * math.cos(first) + real * math.sin(first)
 
 
-@kernel
+@helper
 def excitation(rows, count, time_s, out):  # type: ignore[no-untyped-def]
     """Sum of the deflections of ``rows[:count]`` at a time, by surface in rad, into ``out`` (3,)."""
     out[0], out[1], out[2] = 0.0, 0.0, 0.0

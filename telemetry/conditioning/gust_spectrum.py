@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from wingwatch.kernels.decorators import compiled, helper
 from wingwatch.telemetry.conditioning.kinematics import Columns
 from wingwatch.telemetry.conditioning.sensor_noise import identity_noise
 from wingwatch.telemetry.conditioning.spectra import Bins
@@ -125,7 +125,7 @@ class _Sums(NamedTuple):
     trial: Array
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def _cost(power, shapes, prior, x):  # type: ignore[no-untyped-def]
     """Minus the log-likelihood of logarithms of levels x (3,); ``prior`` as for ``_descend``."""
     inertial, doubt, overlap = prior
@@ -136,7 +136,7 @@ def _cost(power, shapes, prior, x):  # type: ignore[no-untyped-def]
     return total / overlap + 0.5 * ((x[2] - inertial) / doubt) ** 2
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def _expand(power, shapes, prior, x, sums):  # type: ignore[no-untyped-def]
     """Slope of the cost at x and its expected curvature, Fisher's information, into the workspace."""
     inertial, doubt, overlap = prior
@@ -158,7 +158,7 @@ def _expand(power, shapes, prior, x, sums):  # type: ignore[no-untyped-def]
     information[2, 2] += doubt**-2.0
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def _step(first, damping, x, sums):  # type: ignore[no-untyped-def]
     """Where a damped step of scoring leads from x, the levels before ``first`` kept, into ``sums.trial``."""
     matrix, step = sums.information.copy(), -sums.slope
@@ -179,7 +179,7 @@ def _step(first, damping, x, sums):  # type: ignore[no-untyped-def]
         sums.trial[a] = min(max(x[a] + moved, _ABSENT), _MOST)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled(error_model="numpy", nogil=True)
 def _descend(power, shapes, prior, first, x, sums):  # type: ignore[no-untyped-def]
     """Find the most likely logarithms of levels, by Fisher's scoring, damped where a step does not pay.
 

@@ -10,10 +10,10 @@ likely value.
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from wingwatch.aircraft.atmosphere import GRAVITY_M_S2
+from wingwatch.kernels.decorators import compiled, helper
 
 __all__ = ["ERRORS", "MOTION", "READINGS", "PathModel", "smoothed"]
 
@@ -89,7 +89,7 @@ class PathModel:
         return power
 
 
-@njit(cache=True)
+@compiled()
 def _process(jacobian, input_power, gust_std, gust_time_s, dt):  # type: ignore[no-untyped-def]
     """See ``PathModel.process``."""
     power = np.zeros_like(jacobian)
@@ -102,7 +102,7 @@ def _process(jacobian, input_power, gust_std, gust_time_s, dt):  # type: ignore[
     return power
 
 
-@njit(cache=True)
+@helper
 def _rate(x, inputs, gust_time_s):  # type: ignore[no-untyped-def]
     """dx/dt of a real or complex state (states,), for readings of gyros and accelerometers (6,)."""
     roll, pitch, u, v, w = x[0], x[1], x[3], x[4], x[5]
@@ -124,13 +124,13 @@ def _rate(x, inputs, gust_time_s):  # type: ignore[no-untyped-def]
     return out
 
 
-@njit(cache=True)
+@helper
 def _step(x, inputs, dt, gust_time_s):  # type: ignore[no-untyped-def]
     """The state after ``dt`` by the midpoint rule."""
     return x + dt * _rate(x + 0.5 * dt * _rate(x, inputs, gust_time_s), inputs, gust_time_s)
 
 
-@njit(cache=True)
+@helper
 def _readings(x, speed_m_s):  # type: ignore[no-untyped-def]
     """What ``READINGS`` say of a real or complex state."""
     e = x[MOTION:]
@@ -145,7 +145,7 @@ def _readings(x, speed_m_s):  # type: ignore[no-untyped-def]
     return out
 
 
-@njit(cache=True)
+@compiled()
 def _step_jacobian(x, inputs, dt, gust_time_s):  # type: ignore[no-untyped-def]
     """``_step`` and its derivative by complex steps, column by column."""
     nudged = x.astype(np.complex128)
@@ -157,7 +157,7 @@ def _step_jacobian(x, inputs, dt, gust_time_s):  # type: ignore[no-untyped-def]
     return _step(x, inputs, dt, gust_time_s), jacobian
 
 
-@njit(cache=True)
+@compiled()
 def _readings_jacobian(x, speed_m_s):  # type: ignore[no-untyped-def]
     """``_readings`` and its derivative by complex steps, column by column."""
     nudged = x.astype(np.complex128)
@@ -169,7 +169,7 @@ def _readings_jacobian(x, speed_m_s):  # type: ignore[no-untyped-def]
     return _readings(x, speed_m_s), jacobian
 
 
-@njit(cache=True)
+@compiled()
 def smoothed(
     state: Array,
     predicted: Array,

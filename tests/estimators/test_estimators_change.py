@@ -3,6 +3,13 @@
 import numpy as np
 import pytest
 from convergence import Course
+from estimator_kernels import (
+    change_of,
+    changed_derivatives,
+    inflate_covariance,
+    since_checkpoint,
+    spread_of_change,
+)
 from estimator_plants import (
     PITCH,
     RATE_HZ,
@@ -13,7 +20,6 @@ from estimator_plants import (
     fourier,
     make_signals,
 )
-from kernels import change_of, changed_derivatives, inflate_covariance, since_checkpoint, spread_of_change
 from reference_plant import PLANTS
 from tracking import CHANGED, follow_step, stepped_truth
 

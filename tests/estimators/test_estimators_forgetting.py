@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from estimator_kernels import left_by
 from estimator_plants import PITCH, Array, fourier, noisy_batch, quiet_batch
-from kernels import left_by
 
 from wingwatch.estimators import FourierState
 from wingwatch.estimators.fourier.forgetting import EXCITED

@@ -1,7 +1,7 @@
 """What the bank follows beside states and surfaces: products with the growth of what acts, what is known of rates."""
 
 import numpy as np
-from kernels import PITCH_MODEL, as_complex, new_filters, rows_before, transforms_of
+from estimator_kernels import PITCH_MODEL, as_complex, new_filters, rows_before, transforms_of
 
 from wingwatch.estimators import SignalLayout
 from wingwatch.estimators.fourier.air import advance_air, air_channels, product_channel, rebase_products

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from kernels import PITCH_MODEL, as_complex, curves_of, new_filters, rows_before, transforms_of
+from estimator_kernels import PITCH_MODEL, as_complex, curves_of, new_filters, rows_before, transforms_of
 from numpy.typing import NDArray
 
 from wingwatch.estimators.fourier.air import air_channels

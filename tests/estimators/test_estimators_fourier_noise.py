@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from kernels import PITCH_MODEL
+from estimator_kernels import PITCH_MODEL
 from numpy.typing import NDArray
 
 from wingwatch.estimators.fourier.doubt import doubt_of, doubt_of_courses

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from estimator_kernels import as_complex, new_filters, reduced, rows_before, transforms_of
 from estimator_plants import PLANTS, Array, Plant, fourier, noisy_batch, quiet_batch
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from kernels import as_complex, new_filters, reduced, rows_before, transforms_of
 from numpy.typing import NDArray
 
 from wingwatch.estimators import FourierEstimator, FourierState, SignalLayout

@@ -7,9 +7,9 @@ import pytest
 from numba import njit
 from numpy.typing import NDArray
 
-from wingwatch.estimators.kernels.by_address import ByAddress, one_vehicle
-from wingwatch.estimators.kernels.copying import copy_into
-from wingwatch.estimators.kernels.hot import helper, lean
+from wingwatch.kernels.by_address import ByAddress, one_vehicle
+from wingwatch.kernels.copying import copy_into
+from wingwatch.kernels.decorators import helper, lean
 
 
 class Level(NamedTuple):

@@ -16,7 +16,7 @@ samples ago and surfaces from their commands: one with the noise that z has, too
 
 import math
 
-from wingwatch.estimators.kernels.hot import helper
+from wingwatch.kernels.decorators import helper
 from wingwatch.monitor.detection.redundancy.layout import (
     ALPHA,
     COLUMNS,

@@ -8,8 +8,8 @@ import math
 
 import numpy as np
 
-from wingwatch.estimators.kernels.copying import copy_into
-from wingwatch.estimators.kernels.hot import helper, whole_entry
+from wingwatch.kernels.copying import copy_into
+from wingwatch.kernels.decorators import helper, whole_entry
 from wingwatch.monitor.detection.redundancy.layout import COLUMNS
 
 __all__ = ["changes", "likelihoods", "most_gained", "scores"]

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft import GRAVITY_M_S2
-from wingwatch.estimators.kernels.copying import copy_into
-from wingwatch.estimators.kernels.hot import helper, whole
+from wingwatch.kernels.copying import copy_into
+from wingwatch.kernels.decorators import helper, whole
 from wingwatch.monitor.detection.redundancy.airframe import ATTACHED_RAD, COARSE, forces_and_moments
 from wingwatch.monitor.detection.redundancy.layout import (
     AIRSPEED,

@@ -14,12 +14,12 @@ from typing import Any
 from numba import njit
 from numba.core.registry import CPUDispatcher
 
-from wingwatch.estimators.kernels.pieces import PieceCompiler
+from wingwatch.kernels.keeping import KernelCache
+from wingwatch.kernels.pieces import PieceCompiler
 
-__all__ = ["entry", "helper", "hot", "lean", "part", "sizes", "whole", "whole_entry"]
+__all__ = ["compiled", "entry", "helper", "hot", "lean", "part", "sizes", "whole", "whole_entry"]
 
 _OPTIONS: dict[str, Any] = {
-    "cache": True,
     "forceinline": True,
     "_nrt": False,
     "error_model": "numpy",
@@ -27,7 +27,7 @@ _OPTIONS: dict[str, Any] = {
     "no_cfunc_wrapper": True,  # nobody takes a kernel's address
 }
 
-_ALLOCATING: dict[str, Any] = {"cache": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+_ALLOCATING: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
 
 
 class _Piece(CPUDispatcher):
@@ -40,11 +40,23 @@ class _Piece(CPUDispatcher):
     def by_itself(self) -> Any:
         """The kernel that Python calls."""
         if self._alone is None:
-            self._alone = njit(**self._options)(self.py_func)
+            self._alone = compiled(**self._options)(self.py_func)
         return self._alone
 
     def __call__(self, *arguments: object) -> Any:
         return self.by_itself(*arguments)
+
+
+def compiled(**options: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Decorator of a kernel with numba's own options; what is compiled is kept (``keeping``)."""
+
+    def decorate(function: Callable[..., Any]) -> Any:
+        dispatcher = njit(**(options | {"cache": True}))(function)
+        if isinstance(dispatcher, CPUDispatcher):  # numba may be set to compile nothing
+            vars(dispatcher)["_cache"] = KernelCache(function)
+        return dispatcher
+
+    return decorate
 
 
 def _piece(options: dict[str, Any]) -> Callable[[Callable[..., Any]], Any]:
@@ -61,7 +73,7 @@ def _piece(options: dict[str, Any]) -> Callable[[Callable[..., Any]], Any]:
     return decorate
 
 
-hot: Any = njit(**_OPTIONS)
+hot: Any = compiled(**_OPTIONS)
 """Decorator of such a kernel that every sample goes through. A product may be fused into its sum, a sum be taken in
 another order; NaN stays NaN.
 
@@ -74,17 +86,17 @@ lean: Any = _piece(_OPTIONS | {"forceinline": False})
 helper: Any = _piece(_ALLOCATING)
 """Decorator of a kernel that kernels call and that may allocate."""
 
-entry: Any = njit(**(_OPTIONS | {"forceinline": False, "nogil": True}))
+entry: Any = compiled(**(_OPTIONS | {"forceinline": False, "nogil": True}))
 """Decorator of a kernel that Python calls, for milliseconds with many vehicles: other threads run meanwhile."""
 
-whole: Any = njit(**_ALLOCATING)
+whole: Any = compiled(**_ALLOCATING)
 """Decorator of a kernel that Python calls and that may allocate.
 
 As in all the others a division by zero gives what it gives in numpy: a kernel that takes many vehicles must not end at
 one of them.
 """
 
-whole_entry: Any = njit(**(_ALLOCATING | {"nogil": True}))
+whole_entry: Any = compiled(**(_ALLOCATING | {"nogil": True}))
 """The same, and other threads run meanwhile. To get the interpreter's lock back takes longer than a short kernel."""
 
 part: Any = njit(inline="always")

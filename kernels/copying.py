@@ -1,6 +1,6 @@
 """Copies from one array onto another."""
 
-from wingwatch.estimators.kernels.hot import lean
+from wingwatch.kernels.decorators import lean
 
 __all__ = ["copy_into"]
 

@@ -1,0 +1,1 @@
+"""How numerical kernels are compiled, kept, and given what they work on. It knows nothing of aircraft."""
