@@ -136,17 +136,21 @@ def watched(browser: Browser, page: Page, seconds: float) -> str:
     )
 
 
-def remembered(page: Page, minutes: float) -> list[str]:
-    """A line a minute on the page's memory."""
+def remember(page: Page, minutes: float) -> None:
+    """Print a line a minute on the page's memory as it is found, and what it grew by in an hour after the first tenth."""
     session = page.context.new_cdp_session(page)
     session.send("Performance.enable")
-    lines = []
+    heaps = []
     for minute in range(int(minutes) + 1):
         if minute:
             page.wait_for_timeout(60_000.0)
         heap, nodes = memory(session)
-        lines.append(f"  after {minute:3d} min: heap {heap:.2f} MB, {nodes} nodes")
-    return lines
+        heaps.append(heap)
+        print(f"  after {minute:3d} min: heap {heap:.2f} MB, {nodes} nodes", flush=True)
+    begin = len(heaps) // 10
+    if len(heaps) - begin > 2:
+        slope = statistics.linear_regression(range(begin, len(heaps)), heaps[begin:]).slope
+        print(f"  heap from minute {begin} on: {60.0 * slope:+.2f} MB an hour (straight line through all)")
 
 
 def measure(browser: Browser, vehicles: int, seconds: float, minutes: float, seed: int) -> None:
@@ -163,7 +167,7 @@ def measure(browser: Browser, vehicles: int, seconds: float, minutes: float, see
             page.wait_for_selector(".rows .row")
             print(f"{vehicles} vehicles at 2 Hz: {watched(browser, page, seconds)}", flush=True)
             if minutes:
-                print("\n".join(remembered(page, minutes)), flush=True)
+                remember(page, minutes)
 
 
 def take_screenshots(browser: Browser, folder: Path, seed: int) -> None:
