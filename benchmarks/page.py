@@ -137,7 +137,7 @@ def watched(browser: Browser, page: Page, seconds: float) -> str:
 
 
 def remember(page: Page, minutes: float) -> None:
-    """Print a line a minute on the page's memory as it is found, and what it grew by in an hour after the first tenth."""
+    """Print a line a minute on the page's memory, and what it grows by in an hour once a tenth of the time is over."""
     session = page.context.new_cdp_session(page)
     session.send("Performance.enable")
     heaps = []
