@@ -1,6 +1,7 @@
 """The page's fleet: nothing from elsewhere, nothing received becomes markup, live and honest when it is not."""
 
 import dataclasses
+import gzip
 import re
 from collections.abc import Generator
 from pathlib import Path
@@ -84,6 +85,32 @@ def test_every_file_of_the_page_is_served_with_a_strict_policy(door: tuple[HttpS
         assert answer.headers["x-content-type-options"] == "nosniff"
         again = client.get(path, headers={"if-none-match": answer.headers["etag"]})
         assert (again.status_code, again.content) == (304, b"")
+
+
+def test_files_come_compressed_to_who_takes_that_and_the_event_stream_never(
+    door: tuple[HttpServer, httpx.Client], monitor: FakeMonitor
+) -> None:
+    _, client = door
+    forms = {}
+    for accepted in ("gzip, deflate, br", "identity", "br, gzip;q=0"):
+        with client.stream("GET", "/pages/plotly.js", headers={"Accept-Encoding": accepted}) as answer:
+            sent = b"".join(answer.iter_raw())
+        assert answer.headers["vary"] == "Accept-Encoding"
+        forms[accepted] = sent, answer.headers["etag"], answer.headers.get("content-encoding")
+    small, whole, refused = forms.values()
+    assert refused == whole
+    assert small[2] == "gzip"
+    assert gzip.decompress(small[0]) == whole[0]
+    assert len(small[0]) < 0.4 * len(whole[0])
+    asked = {"Accept-Encoding": "gzip", "If-None-Match": small[1]}
+    assert client.get("/pages/plotly.js", headers=asked).status_code == 304
+    assert client.get("/pages/plotly.js", headers={**asked, "If-None-Match": whole[1]}).status_code == 200
+    with client.stream("GET", "/v1/events", headers={"Accept-Encoding": "gzip"}) as answer:
+        assert "content-encoding" not in answer.headers
+        pieces = answer.iter_raw()
+        assert next(pieces).startswith(b"retry: 2000")
+        monitor.tell("status", {})
+        assert b"event: status" in next(pieces)
 
 
 def test_nothing_is_loaded_from_elsewhere_and_nothing_received_becomes_markup() -> None:
