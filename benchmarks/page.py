@@ -2,9 +2,11 @@
 
 The page runs in this machine's Chromium without a screen; the fleet behind it is drawn (``drawn_fleet``), served by the
 product's own application. Processor times are of Chromium's processes as it states them. Without a graphics card it
-paints by the processor, and that is in the figure of the whole browser.
+paints by the processor, and that is in the figure of the whole browser. Over a slow link files are measured compressed,
+as they are sent, and plain, as a browser is sent them that takes no compression.
 
-Run: python benchmarks/page.py [--vehicles 100 500] [--seconds 30] [--minutes 0] [--seed 0] [--screenshots FOLDER]
+Run: python benchmarks/page.py [--vehicles 100 500] [--seconds 30] [--minutes 0] [--seed 0] [--slow 0]
+    [--screenshots FOLDER]
 """
 
 import argparse
@@ -32,6 +34,16 @@ SHOWN = """(() => {
   look();
 })()"""
 PAINT = "() => [performance.getEntriesByName('first-contentful-paint')[0].startTime, window.rowsAt]"
+WEIGHT = """() => performance.getEntries().filter((one) => one.encodedBodySize && !one.name.includes('/v1/'))
+  .reduce((sum, one) => sum + one.encodedBodySize, 0)"""
+PLOTLY = """async () => {
+  const address = '/pages/plotly.js', begun = performance.now();
+  await (await fetch(address)).text();
+  const took = performance.now() - begun;
+  await new Promise((over) => setTimeout(over, 100));
+  return [performance.getEntriesByType('resource').find((one) => one.name.endsWith(address)).encodedBodySize, took];
+}"""
+LATENCY_MS = 20.0
 UPDATES = (
     "() => performance.getEntriesByType('resource').filter((one) => one.name.endsWith('/v1/fleet')).length"
 )
@@ -93,6 +105,32 @@ def first_paints(browser: Browser, url: str) -> list[tuple[float, float]]:
             page.wait_for_timeout(100.0)
             found.append(tuple(page.evaluate(PAINT)))
     return found
+
+
+def over_a_slow_link(browser: Browser, url: str, mbit_s: float) -> None:
+    """Print what the fleet's files and plotly.js weigh, and how long they take over a link, plain and compressed."""
+    bytes_s = mbit_s * 125e3
+    link = {
+        "offline": False, "latency": LATENCY_MS, "downloadThroughput": bytes_s, "uploadThroughput": bytes_s,
+    }  # fmt: skip
+    print(f"over {mbit_s:g} Mbit/s, {LATENCY_MS:g} ms, medians of {LOADS} loads with nothing kept:")
+    for said, headers in (("plain", {"Accept-Encoding": "identity"}), ("compressed", {})):
+        found = []
+        for _ in range(LOADS):
+            with browser.new_context(viewport=LAPTOP, extra_http_headers=headers) as context:  # type: ignore[arg-type]
+                page = context.new_page()
+                context.new_cdp_session(page).send("Network.emulateNetworkConditions", link)
+                page.add_init_script(SHOWN)
+                page.goto(url)
+                page.wait_for_selector(".rows .row")
+                page.wait_for_timeout(100.0)
+                found.append([*page.evaluate(PAINT), page.evaluate(WEIGHT), *page.evaluate(PLOTLY)])
+        paint, rows, weight, size, took = (statistics.median(values) for values in zip(*found, strict=True))
+        print(
+            f"  {said}: fleet {weight / 1e3:.0f} kB of files, first paint {paint:.0f} ms, rows {rows:.0f} ms; "
+            f"plotly.js {size / 1e3:.0f} kB, {took:.0f} ms",
+            flush=True,
+        )
 
 
 def cost(browser: Browser, session: CDPSession) -> Cost:
@@ -204,11 +242,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--minutes", type=float, default=0.0, help="for which memory is looked at, once a minute"
     )
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--slow", type=float, default=0.0, help="Mbit/s of a slow link, measured instead")
     parser.add_argument("--screenshots", type=Path, help="take pictures into this folder instead")
     chosen = parser.parse_args(arguments)
     with chromium() as browser:
         if chosen.screenshots is not None:
             take_screenshots(browser, chosen.screenshots, chosen.seed)
+            return 0
+        if chosen.slow > 0.0:
+            with flying(chosen.vehicles[0], chosen.seed) as url:
+                over_a_slow_link(browser, url, chosen.slow)
             return 0
         for vehicles in chosen.vehicles:
             measure(browser, vehicles, chosen.seconds, chosen.minutes, chosen.seed)

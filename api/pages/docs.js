@@ -29,6 +29,10 @@ function withoutNull(made) {
   else Object.assign(made, { ...others[0], ...made });
 }
 
+/** The names of operations as text: Swagger UI makes links of them inside of buttons, which screen readers and keys cannot
+    tell apart. An operation that is opened still stands in the address. */
+const plainNames = (system) => ({ components: { DeepLink: ({ text }) => system.React.createElement("span", null, text) } });
+
 const place = document.getElementById("docs");
 const answer = await fetch("/openapi.json", { cache: "no-store" });
 if (answer.ok) {
@@ -39,6 +43,7 @@ if (answer.ok) {
     defaultModelsExpandDepth: 0,
     docExpansion: "list",
     validatorUrl: null,
+    plugins: [plainNames],
     presets: [window.SwaggerUIBundle.presets.apis],
   });
 } else {
