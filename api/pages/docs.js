@@ -33,6 +33,14 @@ function withoutNull(made) {
     tell apart. An operation that is opened still stands in the address. */
 const plainNames = (system) => ({ components: { DeepLink: ({ text }) => system.React.createElement("span", null, text) } });
 
+/** Names and the keyboard's focus, where Swagger UI gives none. */
+function reach() {
+  for (const box of place.querySelectorAll("pre:not([tabindex])")) box.tabIndex = 0;
+  for (const choice of place.querySelectorAll("select:not([aria-label])")) {
+    choice.setAttribute("aria-label", choice.closest("tr")?.querySelector(".parameter__name")?.textContent ?? "Media type");
+  }
+}
+
 const place = document.getElementById("docs");
 const answer = await fetch("/openapi.json", { cache: "no-store" });
 if (answer.ok) {
@@ -46,6 +54,8 @@ if (answer.ok) {
     plugins: [plainNames],
     presets: [window.SwaggerUIBundle.presets.apis],
   });
+  reach();
+  new MutationObserver(reach).observe(place, { childList: true, subtree: true });
 } else {
   place.textContent = answer.status === 401 ? "Log in on the page at / first; then load this one again." : `The service answered ${answer.status}.`;
 }

@@ -357,7 +357,9 @@ def test_axe_finds_nothing_serious_in_any_view_light_or_dark(browser: Browser, m
         page.key("?")
         found += serious(page, width=390)
     assert found == []
-    assert [one for one in page.console if "404 (Not Found)" not in one] == []  # documents are not installed here
+    assert [
+        one for one in page.console if "404 (Not Found)" not in one
+    ] == []  # documents are not installed here
 
 
 def test_on_paper_every_alert_and_row_stands_without_what_is_pressed(page: Page) -> None:
