@@ -56,6 +56,8 @@ _ABSENT = _SHELL.format(
     <p class="lead">The documents are not installed with this service.</p>
     <p>In the source, <code>make docs</code> builds them into <code>dist/site</code>; start the service with
     <code>--documents dist/site</code>. The source has them in <code>docs/</code>, to be read as they are.</p>
+    <p>In Docker, add <code>-f docker/compose.documents.yaml</code> to <code>docker compose</code> after
+    <code>make docs</code>: it mounts <code>dist/site</code>.</p>
     <p><a href="/docs">REST</a> is described here in any case, and <code>wingwatch --help</code> lists the commands.</p>
   """
 )
