@@ -261,8 +261,11 @@ def test_a_flight_is_uploaded_followed_cancelled_and_its_report_opened(
         assert page.ask("document.querySelector('#jobs progress').value") == 0.5
         jobs.views = [
             dataclasses.replace(jobs.views[0], state=DiagnosisState.DONE),
-            diagnosis_view("d7"),
+            diagnosis_view("d7", file="alert a1 of default/aero-2"),
         ]
+        page.wait("document.querySelector('#jobs h3 a') !== null")
+        assert page.text("#jobs h3 a") == "Icing on aero-2"
+        assert page.ask("document.querySelector('#jobs h3 a').getAttribute('href')") == "/alerts?id=a1"
         with page.tab.context.expect_page() as opened:
             page.tab.click("text=Open the report")
         assert opened.value.inner_text("h1") == "the report"

@@ -368,6 +368,8 @@ def test_of_500_vehicles_only_those_near_the_screen_are_built_and_keys_reach_all
         assert page.ask("document.querySelector('[role=grid]').getAttribute('aria-rowcount')") == "501"
         assert "uav-007" in page.text(".rows > .row")
         assert "499 aircraft; 1 do not say where they are" in page.text(".plan")
+        labels = "[...document.querySelectorAll('.plan .labels text')].map((one) => one.textContent)"
+        assert page.ask(labels) == ["uav-007"], "of many, those that are degraded are named"
         active = (
             "document.activeElement.getAttribute('aria-rowindex') + ' ' + document.activeElement.dataset.key"
         )
@@ -424,10 +426,15 @@ def test_rows_are_filtered_grouped_and_ordered_and_the_address_keeps_it(browser:
 def test_it_fits_a_phone_and_the_keyboard_reaches_everything(page: Page) -> None:
     page.look(390, 844, "dark", mobile=True)
     assert page.ask("document.documentElement.scrollWidth <= 390")
+    page.wait("document.querySelector('#alerts summary')?.textContent.startsWith('Evidence')")
+    assert not page.ask("document.querySelector('#alerts details').open"), (
+        "the aircraft are not screens below"
+    )
     colours = "getComputedStyle(document.body).backgroundColor"
     dark = page.ask(colours)
     page.look(1280, 900, "light")
     assert page.ask(colours) != dark
+    page.wait("document.querySelector('#alerts .sides table') !== null")
     reached = []
     for _ in range(30):
         page.key("Tab")

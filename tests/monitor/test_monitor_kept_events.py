@@ -10,17 +10,17 @@ def solve(kept: KeptEvents, vehicles: int, seconds: int) -> None:
             kept.add("derivatives", {"fleet": "north", "vehicle": f"uav-{v}", "time_s": 0.5 * half_second})
 
 
-def test_behind_ten_minutes_of_500_vehicles_an_alert_is_still_there() -> None:
+def test_behind_a_minute_of_500_vehicles_an_alert_is_still_there() -> None:
     kept = KeptEvents(FleetSettings().kept_events)
     solve(kept, 500, 1)
     seen = kept.newest
     alert = kept.add("alert", {"id": "a1"})
-    solve(kept, 500, 600)
+    solve(kept, 500, 60)
     missed = kept.after(seen)
     assert kept.complete_after <= seen
     assert (missed[0].id, missed[0].kind) == (alert, "alert")
     assert len(missed) == 501
-    assert {event.data["time_s"] for event in missed[1:]} == {599.5}
+    assert {event.data["time_s"] for event in missed[1:]} == {59.5}
     assert [event.id for event in missed] == sorted(event.id for event in missed)
     assert kept.forgotten == 0
 
