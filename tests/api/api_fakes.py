@@ -198,6 +198,10 @@ class FakeMonitor:
         with self.lock:
             return [event for event in self.kept if event.id > after]
 
+    def events_complete_after(self) -> int:
+        with self.lock:
+            return self.kept[0].id - 1 if self.kept else 0
+
     def figures(self) -> FleetFigures:
         vehicles = Counter(view.state for view in self.vehicles())
         alerts = Counter((view.state, view.level) for view in self.alerts())
