@@ -32,7 +32,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Generator[FlownIcing]:
 
 @pytest.fixture(scope="module")
 def rest(flown: FlownIcing) -> Generator[httpx.Client]:
-    with httpx.Client(base_url=flown.url) as client:
+    with httpx.Client(base_url=flown.url, verify=False) as client:
         yield client
 
 
