@@ -1,9 +1,12 @@
 """Kernels of the Fourier estimator with the memory that they ask of their caller, for tests of one of them at a
 time."""
 
+from functools import cache
+from types import FunctionType
 from typing import Any
 
 import numpy as np
+from numba.core.registry import CPUDispatcher
 from numpy.typing import NDArray
 
 from wingwatch.estimators.fourier import bank as transforms
@@ -50,6 +53,23 @@ PITCH_MODEL = Model(
     roll=False,
 )
 """Two states and one input; tests replace what they are about."""
+
+
+@cache
+def in_python(kernel: Any) -> Any:
+    """A kernel and all kernels that it calls, run by the interpreter.
+
+    For arithmetic that a test does a few times: to compile a kernel by itself takes a second or more. Compiled, within
+    the kernels that call it, it is tested by what the estimator says (``test_estimators_contract``).
+    """
+    plain = kernel.py_func
+    called = {
+        name: in_python(value)
+        for name, value in plain.__globals__.items()
+        if name in plain.__code__.co_names and isinstance(value, CPUDispatcher)
+    }
+    run = FunctionType(plain.__code__, plain.__globals__ | called, plain.__name__, plain.__defaults__)
+    return np.errstate(all="ignore")(run)  # as in kernels
 
 
 def new_filters(bins: int) -> Filters:
