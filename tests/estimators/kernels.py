@@ -89,7 +89,7 @@ def reduced(
     p = len(m)
     gained, evidence = zero_memory(p), Evidence(np.empty((p, p)), np.empty(p), np.empty(p))
     equation = Equation(m, noise, score, np.zeros(p), bias)  # type: ignore[arg-type]
-    reduce_information(equation, smallest, directions_workspace(p), gained, evidence)
+    in_python(reduce_information)(equation, smallest, directions_workspace(p), gained, evidence)
     matrices = [gained.sensitivity, gained.information, evidence.information]
     return matrices, [gained.vector, gained.bias, evidence.vector, evidence.bias]
 
@@ -98,7 +98,7 @@ def left_by(discounted: Real, known: Real, gained: Real, decay: float) -> Array:
     """``replaced``: what discounted information is multiplied by."""
     k = len(known)
     out = np.empty((k, k))
-    replaced(discounted, known, gained, decay, forgetting_workspace(k), out)
+    in_python(replaced)(discounted, known, gained, decay, forgetting_workspace(k), out)
     return out
 
 
@@ -119,13 +119,15 @@ def changed_derivatives(
 
 def inflate_covariance(memory: Memory, size: Real) -> None:
     """``change.inflate_covariance``."""
-    change.inflate_covariance(memory, size, change.change_workspace(len(size)))
+    in_python(change.inflate_covariance)(memory, size, change.change_workspace(len(size)))
 
 
 def spread_of_change(information: Array, vector: Array, size: Real, changed: NDArray[np.bool_]) -> Array:
     """``change.spread_of_change``, (k,); ``information`` and ``vector`` are overwritten."""
     work, spread = change.change_workspace(len(size)), np.empty(len(size))
-    change.spread_of_change(size, changed, work._replace(information=information, vector=vector), spread)
+    in_python(change.spread_of_change)(
+        size, changed, work._replace(information=information, vector=vector), spread
+    )
     return spread
 
 
@@ -137,7 +139,7 @@ def since_checkpoint(omega: Real, block: Block, checkpoint: Block) -> Block:
         checkpoint.bank[None], checkpoint.rows[1:2], checkpoint.sums[None], checkpoint.roughness[None], kept
     )
     window = Block(*(np.empty_like(array) for array in block))
-    checkpoints.since_checkpoint(omega, block, points, 0, window)
+    in_python(checkpoints.since_checkpoint)(omega, block, points, 0, window)
     return window
 
 
