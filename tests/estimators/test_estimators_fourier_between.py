@@ -55,7 +55,7 @@ def flight(command: Array, servo_s: float) -> tuple[Array, Array, Array]:
 def trapezoid(steps: int) -> NDArray[np.complex128]:
     """What integrates x(t) exp(j w (T - t)) over so many fine steps."""
     time = STEP_S / FINE * np.arange(steps + 1)
-    weights = STEP_S / FINE * np.exp(1j * OMEGA[:, None] * (time[-1] - time)[None, :])
+    weights = np.asarray(STEP_S / FINE * np.exp(1j * OMEGA[:, None] * (time[-1] - time)[None, :]))
     weights[:, [0, -1]] *= 0.5
     return weights
 
