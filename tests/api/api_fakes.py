@@ -302,7 +302,10 @@ def served(
         diagnoses=diagnoses,
     )
     app = create_app(monitor, lambda: ready, history, VERSION, settings)
-    with HttpServer(app, listen("127.0.0.1", 0)) as server, httpx.Client(base_url=server.url) as client:
+    with (
+        HttpServer(app, listen("127.0.0.1", 0)) as server,
+        httpx.Client(base_url=server.url, verify=False) as client,
+    ):
         yield server, client
 
 

@@ -252,6 +252,7 @@ def test_a_client_that_cannot_stream_is_served_by_polling(browser: Browser, moni
         page.wait("document.getElementById('link').dataset.link === 'polling'")
         silent.views = [dataclasses.replace(silent.views[1], vehicle="late"), *silent.views]
         page.wait(f"{ROWS} === 3")
+        assert page.ask("document.getElementById('link').dataset.link") == "polling"
 
 
 @needs_chromium
