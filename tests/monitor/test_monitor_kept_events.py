@@ -1,6 +1,6 @@
 """Events kept for listeners who come back: bounded, in order, and nothing that matters lost behind derivatives."""
 
-from wingwatch.monitor.fleet_settings import FleetSettings
+from wingwatch.monitor.fleet.settings import FleetSettings
 
 from wingwatch.monitor.fleet.kept_events import KeptEvents
 
