@@ -33,7 +33,7 @@ test: python  ## set up, then every check and test
 checks:
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy wingwatch tests benchmarks tools
+	$(BIN)/mypy wingwatch tests benchmarks tools examples
 	$(BIN)/lint-imports
 
 kernels:

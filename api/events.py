@@ -128,7 +128,9 @@ class EventStreams:
                     listener.over = not listener.holds()
                 fresh = self._monitor.events(after)
                 if fresh:
-                    if 0 <= after < fresh[0].id - 1:
+                    if (
+                        0 <= after < self._monitor.events_complete_after()
+                    ):  # asked after the events: never too low
                         yield _resync("events in between are no longer kept")
                     after = fresh[-1].id
                     fresh = [event for event in fresh if wanted(event)]

@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 
 from fastapi import APIRouter, Request, Response
-from starlette.responses import FileResponse, PlainTextResponse, RedirectResponse
+from starlette.responses import FileResponse, HTMLResponse, RedirectResponse
 
 __all__ = ["HELP", "HELP_POLICY", "help_router"]
 
@@ -31,11 +31,42 @@ _MEDIA_TYPES = {
 _TEXT = "text/plain; charset=utf-8"
 """Of every other file: aircraft files, schemas and source that the documents link to."""
 
-_ABSENT = (
-    "The documents are not installed with this service. `make docs` builds them into dist/site; start the service "
-    "with --documents and that folder.\n"
+_SHELL = """\
+<!doctype html>
+<html lang="en">
+<head>
+  <meta charset="utf-8">
+  <meta name="viewport" content="width=device-width, initial-scale=1">
+  <meta name="color-scheme" content="light dark">
+  <title>Help · wingwatch</title>
+  <link rel="icon" type="image/svg+xml" href="/pages/icon.svg">
+  <link rel="stylesheet" href="/pages/app.css">
+</head>
+<body>
+  <header class="top">
+    <a class="brand" href="/"><img src="/pages/icon.svg" alt="" width="24" height="24">wingwatch</a>
+  </header>
+  <main>{text}</main>
+</body>
+</html>
+"""
+_ABSENT = _SHELL.format(
+    text="""
+    <h1>Help</h1>
+    <p class="lead">The documents are not installed with this service.</p>
+    <p>In the source, <code>make docs</code> builds them into <code>dist/site</code>; start the service with
+    <code>--documents dist/site</code>. The source has them in <code>docs/</code>, to be read as they are.</p>
+    <p>In Docker, add <code>-f docker/compose.documents.yaml</code> to <code>docker compose</code> after
+    <code>make docs</code>: it mounts <code>dist/site</code>.</p>
+    <p><a href="/docs">REST</a> is described here in any case, and <code>wingwatch --help</code> lists the commands.</p>
+  """
 )
-_NO_PAGE = "The documents have no such page. They begin at /help/index.html.\n"
+_NO_PAGE = _SHELL.format(
+    text="""
+    <h1>Help</h1>
+    <p class="lead">The documents have no such page. They begin at <a href="/help/index.html">their first page</a>.</p>
+  """
+)
 
 
 def help_router(folder: Path | None) -> APIRouter:
@@ -50,16 +81,16 @@ def help_router(folder: Path | None) -> APIRouter:
     @router.get(HELP)
     async def front() -> Response:
         if site is None:
-            return PlainTextResponse(_ABSENT, 404)
+            return HTMLResponse(_ABSENT, 404)
         return RedirectResponse(f"{HELP}/index.html", headers=_HEADERS)
 
     @router.get(f"{HELP}/{{path:path}}")
     async def page(path: str, request: Request) -> Response:
         if site is None:
-            return PlainTextResponse(_ABSENT, 404)
+            return HTMLResponse(_ABSENT, 404)
         found = await asyncio.to_thread(_file, site, path or "index.html")
         if found is None:
-            return PlainTextResponse(_NO_PAGE, 404)
+            return HTMLResponse(_NO_PAGE, 404)
         file, facts = found
         media_type = _MEDIA_TYPES.get(file.suffix, _TEXT)
         answer = FileResponse(file, headers=_HEADERS, media_type=media_type, stat_result=facts)

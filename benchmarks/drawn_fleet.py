@@ -3,12 +3,13 @@
 import dataclasses
 import threading
 import time
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from wingwatch.monitor.fleet.kept_events import KeptEvents
 from wingwatch.monitor.positions import Position
 from wingwatch.monitor.views import (
     SHELVED_S,
@@ -77,8 +78,7 @@ class DrawnFleet:
     ) -> None:
         self._random = np.random.default_rng(seed)
         self._lock = threading.Lock()
-        self._events: deque[Event] = deque(maxlen=1000)
-        self._event_id = 0
+        self._events = KeptEvents(10_000)
         self._start = time.monotonic()
         self._middles = np.array([50.0, 10.0]) + self._random.normal(0.0, 0.03, (vehicles, 2))
         self._radii_m = self._random.uniform(300.0, 900.0, vehicles)
@@ -98,7 +98,7 @@ class DrawnFleet:
             for view in views:
                 if view.state is not VehicleState.STALE:
                     said = {"fleet": view.fleet, "vehicle": view.vehicle, "time_s": view.last_sample_time_s}
-                    self._tell("derivatives", said)
+                    self._events.add("derivatives", said)
 
     def _alert(self, k: int, fleets: Sequence[str]) -> AlertView:
         said, proof = ALERTS[k % len(ALERTS)]
@@ -150,10 +150,6 @@ class DrawnFleet:
             view, worst=worst, position=self._position(k), sample_age_s=float(self._random.uniform(0.0, 0.5)),
             last_sample_time_s=(view.last_sample_time_s or 0.0) + SOLUTION_S,
         )  # fmt: skip
-
-    def _tell(self, kind: str, data: Mapping[str, Any]) -> None:
-        self._event_id += 1
-        self._events.append(Event(self._event_id, kind, data))
 
     def vehicles(self) -> Sequence[VehicleView]:
         """All vehicles, those with an alert first."""
@@ -208,14 +204,18 @@ class DrawnFleet:
                     shelving=shelved if action is AlertAction.SHELVE else None,
                 )  # fmt: skip
                 with self._lock:
-                    self._tell("alert", {"id": alert_id})
+                    self._events.add("alert", {"id": alert_id})
                 return self._raised[place]
         return None
 
     def events(self, after: int) -> Sequence[Event]:
         """Events after one."""
         with self._lock:
-            return [event for event in self._events if event.id > after]
+            return self._events.after(after)
+
+    def events_complete_after(self) -> int:
+        """After which none is lost."""
+        return self._events.complete_after
 
     def figures(self) -> FleetFigures:
         """The fleet in numbers."""

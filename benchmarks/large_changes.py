@@ -12,18 +12,18 @@ Run: python benchmarks/large_changes.py [--flights 3] [--turbulence LEVEL] [--se
 
 import argparse
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from alerts import ONSET_S, PIECE_S, Case, Flown, cases, flown_of, monitor_of, pieces, scenario_of
+from alerts import ONSET_S, PIECE_S, Case, Flown, cases, fed, flown_of, monitors_of, pieces, scenario_of
 from numpy.typing import NDArray
 from saving import run_benchmark
 from simulated_flights import STRUCTURES, Z_95
 
 from wingwatch.aircraft import FlightCondition, TrimError
 from wingwatch.estimators import Estimate, Outcome, offsets
-from wingwatch.monitor import VehicleMonitor, surface_kinds
+from wingwatch.monitor import VehicleMonitor
 from wingwatch.simulation import Effect, linearise, trim
 from wingwatch.telemetry import SampleBlock, complete
 
@@ -58,17 +58,17 @@ def truth_at(flown: Flown, effects: tuple[Effect, ...], estimate: Estimate, time
     return np.asarray(concise + seen - offsets(estimate.structure, airspeed, level))
 
 
-def said(case: Case, flown: Flown, flights: int, first_seed: int) -> Iterator[Said]:
-    """What both estimators say in flights of a case, moment by moment."""
+def said(
+    case: Case, flown: Flown, flights: int, first_seed: int, since: Sequence[float] = SINCE_S
+) -> Iterator[Said]:
+    """What both estimators say in flights of a case, at moments ``since`` the effect, s."""
     scenarios = [scenario_of(case, flown, first_seed + i) for i in range(flights)]
     monitors: list[VehicleMonitor] = []
-    moments = [ONSET_S + since_s for since_s in SINCE_S]
+    moments = [ONSET_S + since_s for since_s in since]
     for n, values in enumerate(pieces(scenarios, flown, moments[-1] + PIECE_S)):
         given = [SampleBlock(v) for v in values]
-        if not monitors:
-            kinds = surface_kinds(given[0].present)
-            monitors = [monitor_of(flown.aircraft, complete(b).present, kinds) for b in given]
-        latest = [list(m.feed(complete(b)).solutions)[-1:] for m, b in zip(monitors, given, strict=True)]
+        monitors = monitors or monitors_of(flown.aircraft, given)
+        latest = [report.solutions[-1:] for report in fed(monitors, [complete(b) for b in given])]
         now_s = (n + 1) * PIECE_S
         if now_s not in moments:
             continue

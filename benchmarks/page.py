@@ -2,9 +2,11 @@
 
 The page runs in this machine's Chromium without a screen; the fleet behind it is drawn (``drawn_fleet``), served by the
 product's own application. Processor times are of Chromium's processes as it states them. Without a graphics card it
-paints by the processor, and that is in the figure of the whole browser.
+paints by the processor, and that is in the figure of the whole browser. Over a slow link files are measured compressed,
+as they are sent, and plain, as a browser is sent them that takes no compression.
 
-Run: python benchmarks/page.py [--vehicles 100 500] [--seconds 30] [--minutes 0] [--seed 0] [--screenshots FOLDER]
+Run: python benchmarks/page.py [--vehicles 100 500] [--seconds 30] [--minutes 0] [--seed 0] [--slow 0]
+    [--screenshots FOLDER]
 """
 
 import argparse
@@ -32,6 +34,16 @@ SHOWN = """(() => {
   look();
 })()"""
 PAINT = "() => [performance.getEntriesByName('first-contentful-paint')[0].startTime, window.rowsAt]"
+WEIGHT = """() => performance.getEntries().filter((one) => one.encodedBodySize && !one.name.includes('/v1/'))
+  .reduce((sum, one) => sum + one.encodedBodySize, 0)"""
+PLOTLY = """async () => {
+  const address = '/pages/plotly.js', begun = performance.now();
+  await (await fetch(address)).text();
+  const took = performance.now() - begun;
+  await new Promise((over) => setTimeout(over, 100));
+  return [performance.getEntriesByType('resource').find((one) => one.name.endsWith(address)).encodedBodySize, took];
+}"""
+LATENCY_MS = 20.0
 UPDATES = (
     "() => performance.getEntriesByType('resource').filter((one) => one.name.endsWith('/v1/fleet')).length"
 )
@@ -95,6 +107,41 @@ def first_paints(browser: Browser, url: str) -> list[tuple[float, float]]:
     return found
 
 
+def over_a_slow_link(browser: Browser, url: str, mbit_s: float) -> None:
+    """Print what the fleet's files and plotly.js weigh, and how long they take over a link, plain and compressed.
+
+    Loads of both kinds take turns, after one of each that does not count, for the service compresses a file once.
+    """
+    forms = {"plain": {"Accept-Encoding": "identity"}, "compressed": {}}
+    found: dict[str, list[list[float]]] = {said: [] for said in forms}
+    for _ in range(1 + LOADS):
+        for said, headers in forms.items():
+            found[said].append(_load(browser, url, mbit_s, headers))
+    print(f"over {mbit_s:g} Mbit/s, {LATENCY_MS:g} ms, medians of {LOADS} loads with nothing kept:")
+    for said, loads in found.items():
+        paint, rows, weight, size, took = (statistics.median(v) for v in zip(*loads[1:], strict=True))
+        print(
+            f"  {said}: fleet {weight / 1e3:.0f} kB of files, first paint {paint:.0f} ms, rows {rows:.0f} ms; "
+            f"plotly.js {size / 1e3:.0f} kB, {took:.0f} ms"
+        )
+
+
+def _load(browser: Browser, url: str, mbit_s: float, headers: dict[str, str]) -> list[float]:
+    """One load: ms until something is painted and rows are there, bytes of files; bytes and ms of plotly.js."""
+    link = {
+        "offline": False, "latency": LATENCY_MS,
+        "downloadThroughput": mbit_s * 125e3, "uploadThroughput": mbit_s * 125e3,
+    }  # fmt: skip
+    with browser.new_context(viewport=LAPTOP, extra_http_headers=headers) as context:  # type: ignore[arg-type]
+        page = context.new_page()
+        context.new_cdp_session(page).send("Network.emulateNetworkConditions", link)
+        page.add_init_script(SHOWN)
+        page.goto(url)
+        page.wait_for_selector(".rows .row")
+        page.wait_for_timeout(100.0)
+        return [*page.evaluate(PAINT), page.evaluate(WEIGHT), *page.evaluate(PLOTLY)]
+
+
 def cost(browser: Browser, session: CDPSession) -> Cost:
     """What has been spent so far."""
     system = browser.new_browser_cdp_session()
@@ -136,17 +183,21 @@ def watched(browser: Browser, page: Page, seconds: float) -> str:
     )
 
 
-def remembered(page: Page, minutes: float) -> list[str]:
-    """A line a minute on the page's memory."""
+def remember(page: Page, minutes: float) -> None:
+    """Print a line a minute on the page's memory, and what it grows by in an hour once a tenth of the time is over."""
     session = page.context.new_cdp_session(page)
     session.send("Performance.enable")
-    lines = []
+    heaps = []
     for minute in range(int(minutes) + 1):
         if minute:
             page.wait_for_timeout(60_000.0)
         heap, nodes = memory(session)
-        lines.append(f"  after {minute:3d} min: heap {heap:.2f} MB, {nodes} nodes")
-    return lines
+        heaps.append(heap)
+        print(f"  after {minute:3d} min: heap {heap:.2f} MB, {nodes} nodes", flush=True)
+    begin = len(heaps) // 10
+    if len(heaps) - begin > 2:
+        slope = statistics.linear_regression(range(begin, len(heaps)), heaps[begin:]).slope
+        print(f"  heap from minute {begin} on: {60.0 * slope:+.2f} MB an hour (straight line through all)")
 
 
 def measure(browser: Browser, vehicles: int, seconds: float, minutes: float, seed: int) -> None:
@@ -163,7 +214,7 @@ def measure(browser: Browser, vehicles: int, seconds: float, minutes: float, see
             page.wait_for_selector(".rows .row")
             print(f"{vehicles} vehicles at 2 Hz: {watched(browser, page, seconds)}", flush=True)
             if minutes:
-                print("\n".join(remembered(page, minutes)), flush=True)
+                remember(page, minutes)
 
 
 def take_screenshots(browser: Browser, folder: Path, seed: int) -> None:
@@ -200,11 +251,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--minutes", type=float, default=0.0, help="for which memory is looked at, once a minute"
     )
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--slow", type=float, default=0.0, help="Mbit/s of a slow link, measured instead")
     parser.add_argument("--screenshots", type=Path, help="take pictures into this folder instead")
     chosen = parser.parse_args(arguments)
     with chromium() as browser:
         if chosen.screenshots is not None:
             take_screenshots(browser, chosen.screenshots, chosen.seed)
+            return 0
+        if chosen.slow > 0.0:
+            with flying(chosen.vehicles[0], chosen.seed) as url:
+                over_a_slow_link(browser, url, chosen.slow)
             return 0
         for vehicles in chosen.vehicles:
             measure(browser, vehicles, chosen.seconds, chosen.minutes, chosen.seed)

@@ -25,17 +25,16 @@ from situation_plants import AIRSPEED_M_S, Situation, aerodynamic, fly_situation
 from situations import BAND_HZ, at_centre, fourier_config
 
 from wingwatch.estimators import FourierEstimator
-from wingwatch.estimators.fourier.blocks import block_workspace
 from wingwatch.estimators.fourier.noise import between_samples_variance
-from wingwatch.estimators.fourier.solution import ALONE, solve_block
-from wingwatch.estimators.fourier.state import BETWEEN, GUST, ROLLING, Block, Linearisation, Prior
-from wingwatch.kernels.by_address import ByAddress
+from wingwatch.estimators.fourier.state import BETWEEN, GUST, ROLLING, SOLUTIONS, Memory
 
 Array = NDArray[np.float64]
 
 CASES = ("still, open, each 5 s", "moderate, open, each 5 s")
 BLOCK_S = 10.0
 NOTHING = 1e-12
+SURE = 1e20
+"""Information of what is known, beside which a block's is rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,22 +68,8 @@ def read(plant: Plant, name: str, case: Situation, flights: int, noisy: bool) ->
         flight = at_centre(fly_situation(plant, flown, seed, 60.0))
         estimator = FourierEstimator(fourier_config(flight.known))
         length = round(BLOCK_S * case.rate_hz)
-        work = block_workspace(2, 1, estimator.config.omega_rad_s.size, flight.rows.shape[1], 3)
         for start in range(0, len(flight.rows) - length + 1, length):
-            state = estimator.init(1)
-            estimator.update(state, flight.rows[None, start : start + length])
-            block = Block(state.bank[0], state.rows[0], state.sums[0], state.roughness[0])
-            known = np.append(noise, 0.0)
-            at = Linearisation(truth.copy(), np.zeros((6, 6)), noise.copy(), known)
-            prior = Prior(truth, np.ones(6))
-            solving = work.solving
-            nothing, model, places = (
-                solving.posterior.nothing,
-                ByAddress(estimator._model),
-                ByAddress(solving),
-            )
-            solve_block(model, block, at, nothing, prior, ALONE, places, ByAddress(work.found))
-            gained = work.found.gained
+            gained = said_at(estimator, flight.rows[start : start + length], truth, noise)
             scores.append(gained.vector - gained.sensitivity @ truth)
             information += gained.sensitivity
     apart = np.array(scores)
@@ -99,6 +84,22 @@ def read(plant: Plant, name: str, case: Situation, flights: int, noisy: bool) ->
         tuple(100.0 * (inverse @ apart.sum(axis=0)) / size),
         tuple(100.0 * np.sqrt((spread**2).sum(axis=0)) / size),
     )
+
+
+def said_at(estimator: FourierEstimator, rows: Array, truth: Array, noise: Array) -> Memory:
+    """What a block says of the derivatives, linearised at ``truth`` with the noise variances ``noise``.
+
+    Solved by the estimator itself, which a memory of the truth without any doubt keeps from moving: its first step is
+    its last, and what it says is from there.
+    """
+    state = estimator.init(1)
+    estimator.update(state, rows[None])
+    state.theta[0], state.covariance[0], state.noise[0] = truth, 0.0, noise
+    state.counts[0, SOLUTIONS] = 1  # so that it does not begin with noise of its own
+    sure = SURE * np.eye(truth.size)
+    state.sensitivity[0], state.information[0], state.vector[0] = sure, sure, sure @ truth
+    estimator.solve(state)
+    return estimator._workspace.found.gained
 
 
 def main() -> int:

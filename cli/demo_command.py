@@ -43,7 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
             )
             write_address(service, arguments.json)
             if await_ready(service, end):
-                fleet = stack.enter_context(SimulatedFleet(demo_fleet(), arguments.listen))
+                fleet = stack.enter_context(SimulatedFleet(demo_fleet(), service.endpoints[0]))
                 _watch(service, fleet, end, quiet=arguments.json)
             say("ending")
         return leave(0, service.pump.loop.alive or (fleet is not None and fleet.alive))

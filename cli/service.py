@@ -55,7 +55,7 @@ from wingwatch.cli.study_folder import StudyFolder
 from wingwatch.cli.tokens import TokenFile, TokenRegister
 from wingwatch.monitor import FleetMonitor, FleetPorts, FleetSettings, Outputs
 from wingwatch.notifications import Clocks
-from wingwatch.telemetry import SensorSubscriber, ZenohSettings, open_session
+from wingwatch.telemetry import SensorSubscriber, ZenohSettings, open_session, with_free_ports
 
 __all__ = ["Parts", "Pump", "Service", "running_service"]
 
@@ -130,7 +130,7 @@ def _tls(settings: ServeSettings) -> ssl.SSLContext | None:
 def _link(settings: ServeSettings) -> ZenohSettings:
     """How Zenoh is reached, and what protects it."""
     security = link_security(settings.zenoh, os.environ)
-    return ZenohSettings.for_service(settings.listen, settings.connect, security)
+    return ZenohSettings.for_service(with_free_ports(settings.listen), settings.connect, security)
 
 
 def _resume(monitor: FleetMonitor, checkpoints: CheckpointFolder) -> None:

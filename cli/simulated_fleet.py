@@ -10,10 +10,20 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from typing import Self
 
+import numpy as np
 import zenoh
+from numpy.typing import NDArray
 
 from wingwatch.simulation import FleetSimulation, Scenario
-from wingwatch.telemetry import AircraftMessage, FlightPublisher, SampleBlock, ZenohSettings, open_session
+from wingwatch.simulation.navigation import M_A_DEGREE_EAST, M_A_DEGREE_NORTH
+from wingwatch.telemetry import (
+    CHANNEL_INDEX,
+    AircraftMessage,
+    FlightPublisher,
+    SampleBlock,
+    ZenohSettings,
+    open_session,
+)
 
 __all__ = ["SimulatedFleet"]
 
@@ -22,10 +32,15 @@ _SAMPLES_A_MESSAGE = 5
 _AT_ONCE = 1e9  # rate of a message whose moment has come: the pace is kept here, for all vehicles together
 _LATEST_S = 1.0
 _STOP_S = 1.0
+_APART_NORTH_M, _APART_EAST_M = 250.0, 400.0
+_PLACE = [CHANNEL_INDEX["latitude_deg"], CHANNEL_INDEX["longitude_deg"]]
 
 
 class SimulatedFleet:
     """Flies in a thread of its own; use it in a ``with`` statement.
+
+    Simulated flights all start at one place. Here each vehicle is some hundred metres beside and behind the one before:
+    its receiver's positions are moved, and nothing else.
 
     Args:
         scenarios: one a vehicle, each with a name.
@@ -79,12 +94,22 @@ class SimulatedFleet:
     def _fly(self, simulation: FleetSimulation, publishers: Sequence[FlightPublisher]) -> None:
         period_s = _SAMPLES_A_MESSAGE / (self._rate_hz * self._speed)
         due_s = self._clock() + period_s
+        places_deg = _places_deg(len(publishers))
         while not self._end.wait(max(0.0, due_s - self._clock())):
-            for publisher, rows in zip(publishers, simulation.step(_SAMPLES_A_MESSAGE), strict=True):
+            flown = simulation.step(_SAMPLES_A_MESSAGE)
+            flown[:, :, _PLACE] += places_deg[:, None]
+            for publisher, rows in zip(publishers, flown, strict=True):
                 publisher.publish(SampleBlock(rows), _AT_ONCE)
             due_s = max(
                 due_s + period_s, self._clock() - _LATEST_S
             )  # a machine that slept is not caught up with
+
+
+def _places_deg(vehicles: int) -> NDArray[np.float64]:
+    """Latitude and longitude of each from the first, shape (vehicles, 2): every other one is behind."""
+    k = np.arange(vehicles)
+    north_m, east_m = -_APART_NORTH_M * (k % 2), _APART_EAST_M * k
+    return np.stack((north_m / M_A_DEGREE_NORTH, east_m / M_A_DEGREE_EAST), axis=1)
 
 
 def _publisher(session: zenoh.Session, scenario: Scenario) -> FlightPublisher:

@@ -28,7 +28,9 @@ with open(flight, encoding="utf-8") as file, zenoh.open(config) as session:
         batch = rows[first : first + 10]
         columns = {name: [float(row[name]) if row[name] else None for row in batch] for name in rows[0]}
         message = {"sequence": sequence, "stream": stream, "columns": columns}
-        late_s = (columns["time_s"][-1] - float(rows[0]["time_s"])) / speed - (time.monotonic() - begun_s)
+        late_s = (float(batch[-1]["time_s"]) - float(rows[0]["time_s"])) / speed - (
+            time.monotonic() - begun_s
+        )
         time.sleep(max(0.0, late_s))
         session.put(f"{key}/sensors", json.dumps(message), encoding="application/json")
     time.sleep(0.5)  # the last message leaves

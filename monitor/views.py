@@ -477,7 +477,11 @@ class MonitorPort(Protocol):
         ...
 
     def events(self, after: int) -> Sequence[Event]:
-        """Events with an id above ``after``, oldest first (the last 1000 are kept)."""
+        """Events with an id above ``after``, oldest first; of a vehicle's ``derivatives`` the newest alone."""
+        ...
+
+    def events_complete_after(self) -> int:
+        """Who has seen the event of this id or a later one has missed none but those that newer ones replaced."""
         ...
 
     def figures(self) -> FleetFigures:

@@ -64,7 +64,13 @@ from wingwatch.telemetry.sequence import SECOND_PUBLISHER, SequenceState, Sequen
 from wingwatch.telemetry.service_messages import ServiceStream, decode_service_object, encode_service_object
 from wingwatch.telemetry.subscriber import SensorSubscriber
 from wingwatch.telemetry.vehicle_queues import InboundMessage
-from wingwatch.telemetry.zenoh_link import DEFAULT_ENDPOINT, LinkError, ZenohSettings, open_session
+from wingwatch.telemetry.zenoh_link import (
+    DEFAULT_ENDPOINT,
+    LinkError,
+    ZenohSettings,
+    open_session,
+    with_free_ports,
+)
 
 __all__ = [
     "Channel",
@@ -125,6 +131,7 @@ __all__ = [
     "LinkError",
     "ZenohSettings",
     "open_session",
+    "with_free_ports",
     "LinkSecurity",
     "LinkSecurityError",
     "access_rules",

@@ -1,7 +1,9 @@
 """The Zenoh session: loopback and no scouting unless set otherwise, one sentence where it cannot be had."""
 
 import json
-from collections.abc import Iterator
+import re
+import socket
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -10,10 +12,12 @@ import zenoh
 
 from wingwatch.telemetry.link_security import LinkSecurity
 
-__all__ = ["DEFAULT_ENDPOINT", "LinkError", "ZenohSettings", "open_session"]
+__all__ = ["DEFAULT_ENDPOINT", "LinkError", "ZenohSettings", "open_session", "with_free_ports"]
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 _PROTECTED = ("tls/", "quic/")
+_ANY_PORT = re.compile(r"(?P<kind>tcp|tls|ws|udp|quic)/(?P<host>.+):0(?P<rest>[?#].*)?")
+_DATAGRAMS = ("udp", "quic")
 _RETRY_FIRST_MS, _RETRY_LAST_MS = 100, 500  # a lost router is found again 0.3 s after it is back
 _ACCEPT_PENDING, _ACCEPT_MS = (
     1000,
@@ -106,6 +110,33 @@ class ZenohSettings:
                     f"Zenoh does not take {shown} for {key}: use the form tcp/HOST:PORT"
                 ) from None
         return config
+
+
+def with_free_ports(endpoints: Sequence[str]) -> tuple[str, ...]:
+    """Endpoints to listen on, with a free port in the place of port 0.
+
+    Zenoh takes port 0, too, but does not say which port it has got. The port chosen here is free when it is looked for;
+    in the moment until Zenoh listens somebody else may take it, which Zenoh then says. An endpoint whose host cannot be
+    listened on stays as it is, for Zenoh to say why.
+    """
+    return tuple(_with_free_port(endpoint) for endpoint in endpoints)
+
+
+def _with_free_port(endpoint: str) -> str:
+    found = _ANY_PORT.fullmatch(endpoint)
+    if found is None:
+        return endpoint
+    kind, host = found["kind"], found["host"]
+    try:
+        place = socket.getaddrinfo(
+            host.strip("[]"), 0, type=socket.SOCK_DGRAM if kind in _DATAGRAMS else socket.SOCK_STREAM
+        )[0]
+        with socket.socket(*place[:3]) as free:
+            free.bind(place[4])
+            port = free.getsockname()[1]
+    except OSError:
+        return endpoint
+    return f"{kind}/{host}:{port}{found['rest'] or ''}"
 
 
 @contextmanager

@@ -29,6 +29,18 @@ function withoutNull(made) {
   else Object.assign(made, { ...others[0], ...made });
 }
 
+/** The names of operations as text: Swagger UI makes links of them inside of buttons, which screen readers and keys cannot
+    tell apart. An operation that is opened still stands in the address. */
+const plainNames = (system) => ({ components: { DeepLink: ({ text }) => system.React.createElement("span", null, text) } });
+
+/** Names and the keyboard's focus, where Swagger UI gives none. */
+function reach() {
+  for (const box of place.querySelectorAll("pre:not([tabindex])")) box.tabIndex = 0;
+  for (const choice of place.querySelectorAll("select:not([aria-label])")) {
+    choice.setAttribute("aria-label", choice.closest("tr")?.querySelector(".parameter__name")?.textContent ?? "Media type");
+  }
+}
+
 const place = document.getElementById("docs");
 const answer = await fetch("/openapi.json", { cache: "no-store" });
 if (answer.ok) {
@@ -39,8 +51,11 @@ if (answer.ok) {
     defaultModelsExpandDepth: 0,
     docExpansion: "list",
     validatorUrl: null,
+    plugins: [plainNames],
     presets: [window.SwaggerUIBundle.presets.apis],
   });
+  reach();
+  new MutationObserver(reach).observe(place, { childList: true, subtree: true });
 } else {
   place.textContent = answer.status === 401 ? "Log in on the page at / first; then load this one again." : `The service answered ${answer.status}.`;
 }

@@ -1,7 +1,7 @@
 /* Small parts that several views show: tags, scales of z, lists of facts, heads of tables. */
 
 import { drawn, make } from "./dom.js";
-import { fixed, signed, symbol, words } from "./format.js";
+import { fixed } from "./format.js";
 
 export const Z_BAND = 2;
 const Z_RANGE = 8;
@@ -65,20 +65,6 @@ export function scale(z, labelled) {
   const mark = Math.abs(z) > Z_RANGE ? { d: wedge } : { d: `M${x} ${y - 7}l5 7-5 7-5-7z` };
   svg.append(drawn("path", { class: "mark", ...mark }));
   return svg;
-}
-
-/** The derivative that is furthest from its expectation. */
-export function dial(worst, tone) {
-  const node = make("div", "dial", { data: { tone } });
-  if (!worst) {
-    node.append(make("p", "soft", "No derivative compared yet."), scale(null, true));
-    return node;
-  }
-  const name = make("span", "", symbol(worst.derivative), " ", make("small", "soft", worst.meaning));
-  const reading = make("span", "number", make("span", "soft", "z "), make("b", "", signed(worst.z)));
-  node.append(make("p", "", name, reading), scale(worst.z, true),
-    make("p", "soft", make("small", "", `furthest from expectation, ${worst.estimator}, ${words(worst.structure)}`)));
-  return node;
 }
 
 /** Names and values; one without a value is left out. `figures` stand beside each other, `facts` below. */

@@ -11,7 +11,7 @@ const MARKS = {
   degraded: (x, y) => `M${x} ${y - 5}l5 9h-10z`,
   stale: (x, y) => `M${x - 3.5} ${y - 3.5}l7 7m0-7l-7 7`,
 };
-const dot = (x, y) => `M${x - 3} ${y}a3 3 0 1 0 6 0a3 3 0 1 0-6 0z`;
+const dot = (x, y) => `M${x - 3.5} ${y}a3.5 3.5 0 1 0 7 0a3.5 3.5 0 1 0-7 0z`;
 
 export class Plan {
   /** `opened(row)`: a mark was clicked. */
@@ -59,9 +59,10 @@ export class Plan {
     return true;
   }
 
-  /** The names of those that are degraded. */
+  /** The names of those that are degraded, and of all where they are few. */
   #label() {
-    const some = this.places.filter(({ row }) => row.state === "degraded").slice(0, MOST_LABELS);
+    const worst = this.places.filter(({ row }) => row.state === "degraded");
+    const some = (this.places.length <= MOST_LABELS ? this.places : worst).slice(0, MOST_LABELS);
     const taken = [], fits = ({ row, x, y }) => {
       const wide = LETTER * row.vehicle.length, from = x < WIDTH * 0.7 ? x + 8 : x - 8 - wide;
       if (taken.some((other) => Math.abs(other.y - y) < LINE && from < other.from + other.wide && other.from < from + wide)) return false;

@@ -2,17 +2,16 @@
 
 import logging
 import time
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal
 
 from wingwatch.monitor.fleet.alert_ledger import AlertLedger
 from wingwatch.monitor.fleet.fair_lock import FairLock
+from wingwatch.monitor.fleet.kept_events import KeptEvents
 from wingwatch.monitor.fleet.member.known_vehicle import KnownVehicle
 from wingwatch.monitor.fleet.roster import Roster, VehicleKey
 from wingwatch.monitor.fleet.settings import FleetSettings
 from wingwatch.monitor.ports import News, Outputs, Store
-from wingwatch.monitor.views import Event
 from wingwatch.telemetry import ServiceStream
 
 __all__ = ["FleetContext", "Outgoing"]
@@ -48,20 +47,12 @@ class FleetContext:
         self.lock = FairLock()
         self.ledger = AlertLedger(settings.kept_alerts)
         self.vehicles = Roster(settings.max_vehicles, clock, self.ledger.stands)
-        self._events: deque[Event] = deque(maxlen=settings.kept_events)
-        self._event_id = 0
+        self.events = KeptEvents(settings.kept_events)
         self._problems: dict[str, int] = {}
 
     def event(self, kind: str, data: Mapping[str, Any]) -> None:
         """Keep an event for those who read the stream."""
-        self._event_id += 1
-        self._events.append(Event(self._event_id, kind, data))
-
-    def events(self, after: int) -> Sequence[Event]:
-        """Events with an id above ``after``, oldest first."""
-        if after >= self._event_id:
-            return []
-        return [e for e in self._events if e.id > after]
+        self.events.add(kind, data)
 
     def count(self, problem: str) -> int:
         """One more problem of this kind; how many there have been."""
@@ -74,7 +65,7 @@ class FleetContext:
         of_names = {
             "vehicles_forgotten": self.vehicles.forgotten,
             "too_many_vehicles": self.vehicles.refused,
-            "events_forgotten": self._event_id - len(self._events),
+            "events_forgotten": self.events.forgotten,
             "alerts_forgotten": self.ledger.forgotten,
         }
         return self._problems | {name: times for name, times in of_names.items() if times}

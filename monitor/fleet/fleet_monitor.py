@@ -501,7 +501,11 @@ class FleetMonitor:
     def events(self, after: int) -> Sequence[Event]:
         """Events with an id above ``after``, oldest first."""
         with self._lock:
-            return self._context.events(after)
+            return self._context.events.after(after)
+
+    def events_complete_after(self) -> int:
+        """Who has seen the event of this id or a later one has missed none but those that newer ones replaced."""
+        return self._context.events.complete_after
 
     def figures(self) -> FleetFigures:
         """The fleet in numbers; samples are taken in between some vehicles and the next."""

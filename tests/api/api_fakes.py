@@ -198,6 +198,10 @@ class FakeMonitor:
         with self.lock:
             return [event for event in self.kept if event.id > after]
 
+    def events_complete_after(self) -> int:
+        with self.lock:
+            return self.kept[0].id - 1 if self.kept else 0
+
     def figures(self) -> FleetFigures:
         vehicles = Counter(view.state for view in self.vehicles())
         alerts = Counter((view.state, view.level) for view in self.alerts())
@@ -298,7 +302,10 @@ def served(
         diagnoses=diagnoses,
     )
     app = create_app(monitor, lambda: ready, history, VERSION, settings)
-    with HttpServer(app, listen("127.0.0.1", 0)) as server, httpx.Client(base_url=server.url) as client:
+    with (
+        HttpServer(app, listen("127.0.0.1", 0)) as server,
+        httpx.Client(base_url=server.url, verify=False) as client,
+    ):
         yield server, client
 
 

@@ -9,9 +9,11 @@ from typing import Any
 
 import pytest
 from api_fakes import FakeMonitor, served
+from drawn_fleet import DrawnFleet
 
 from wingwatch.api.events import EventStreams, Listener
 from wingwatch.api.problems import ProblemError
+from wingwatch.monitor.views import AlertAction, VehicleState
 
 
 @dataclass(frozen=True)
@@ -102,6 +104,25 @@ def test_a_listener_of_an_earlier_service_is_told_to_read_again() -> None:
         assert "started anew" in first.data["reason"]
         monitor.tell("status", {})
         assert [frame.id for frame in await take(stream, 1)] == [3]
+
+    run(work())
+
+
+def test_who_comes_back_to_a_large_fleet_after_minutes_has_lost_nothing() -> None:
+    """A thousand events a second pass: of derivatives the newest of each vehicle come, of all else everything."""
+
+    async def work() -> None:
+        fleet = DrawnFleet(500, alerts=1)
+        fleet.step()
+        seen = fleet.events(-1)[-1].id
+        fleet.act_on_alert("a1", AlertAction.ACKNOWLEDGE, "ana", "")
+        for _ in range(20):
+            fleet.step()
+        flying = sum(view.state is not VehicleState.STALE for view in fleet.vehicles())
+        found = await take(EventStreams(fleet).admit(str(seen)), flying + 1)
+        assert [frame.kind for frame in found] == ["alert"] + ["derivatives"] * flying
+        assert found[0].id == seen + 1
+        assert len({frame.data["vehicle"] for frame in found[1:]}) == flying
 
     run(work())
 

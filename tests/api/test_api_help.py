@@ -28,7 +28,10 @@ def folder(tmp_path: Path) -> Path:
 def client_of(documents: Path | None) -> Generator[httpx.Client]:
     settings = AppSettings(documents=documents, access=AccessSettings(required=True))
     app = create_app(FakeMonitor(), dict, None, VERSION, settings)
-    with HttpServer(app, listen("127.0.0.1", 0)) as server, httpx.Client(base_url=server.url) as client:
+    with (
+        HttpServer(app, listen("127.0.0.1", 0)) as server,
+        httpx.Client(base_url=server.url, verify=False) as client,
+    ):
         yield client
 
 

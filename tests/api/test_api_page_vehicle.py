@@ -57,6 +57,12 @@ def test_what_others_sent_is_text_and_no_markup(browser: Browser) -> None:
             NASTY,
         ):
             assert part in text
+        furthest = (
+            "[...document.querySelectorAll('#vehicle dt')].find((one) => one.textContent === 'Furthest off')"
+        )
+        assert page.ask(furthest + ".nextElementSibling.innerText").replace("\n", "") == (
+            "mq pitch acceleration due to pitch rate, z −1.3 (fourier, short period)"
+        )
         page.tab.click("details:has(#vehicle-could-see) > summary")
         page.wait(f"{ROWS}.length === 5")
         assert page.ask(ROWS + ".map((row) => [...row.children].map((cell) => cell.textContent))") == [

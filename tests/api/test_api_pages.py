@@ -1,6 +1,7 @@
 """The page's fleet: nothing from elsewhere, nothing received becomes markup, live and honest when it is not."""
 
 import dataclasses
+import gzip
 import re
 from collections.abc import Generator
 from pathlib import Path
@@ -84,6 +85,32 @@ def test_every_file_of_the_page_is_served_with_a_strict_policy(door: tuple[HttpS
         assert answer.headers["x-content-type-options"] == "nosniff"
         again = client.get(path, headers={"if-none-match": answer.headers["etag"]})
         assert (again.status_code, again.content) == (304, b"")
+
+
+def test_files_come_compressed_to_who_takes_that_and_the_event_stream_never(
+    door: tuple[HttpServer, httpx.Client], monitor: FakeMonitor
+) -> None:
+    _, client = door
+    forms = {}
+    for accepted in ("gzip, deflate, br", "identity", "br, gzip;q=0"):
+        with client.stream("GET", "/pages/plotly.js", headers={"Accept-Encoding": accepted}) as answer:
+            sent = b"".join(answer.iter_raw())
+        assert answer.headers["vary"] == "Accept-Encoding"
+        forms[accepted] = sent, answer.headers["etag"], answer.headers.get("content-encoding")
+    small, whole, refused = forms.values()
+    assert refused == whole
+    assert small[2] == "gzip"
+    assert gzip.decompress(small[0]) == whole[0]
+    assert len(small[0]) < 0.4 * len(whole[0])
+    asked = {"Accept-Encoding": "gzip", "If-None-Match": small[1]}
+    assert client.get("/pages/plotly.js", headers=asked).status_code == 304
+    assert client.get("/pages/plotly.js", headers={**asked, "If-None-Match": whole[1]}).status_code == 200
+    with client.stream("GET", "/v1/events", headers={"Accept-Encoding": "gzip"}) as answer:
+        assert "content-encoding" not in answer.headers
+        pieces = answer.iter_raw()
+        assert next(pieces).startswith(b"retry: 2000")
+        monitor.tell("status", {})
+        assert b"event: status" in next(pieces)
 
 
 def test_nothing_is_loaded_from_elsewhere_and_nothing_received_becomes_markup() -> None:
@@ -225,6 +252,7 @@ def test_a_client_that_cannot_stream_is_served_by_polling(browser: Browser, moni
         page.wait("document.getElementById('link').dataset.link === 'polling'")
         silent.views = [dataclasses.replace(silent.views[1], vehicle="late"), *silent.views]
         page.wait(f"{ROWS} === 3")
+        assert page.ask("document.getElementById('link').dataset.link") == "polling"
 
 
 @needs_chromium
@@ -341,6 +369,8 @@ def test_of_500_vehicles_only_those_near_the_screen_are_built_and_keys_reach_all
         assert page.ask("document.querySelector('[role=grid]').getAttribute('aria-rowcount')") == "501"
         assert "uav-007" in page.text(".rows > .row")
         assert "499 aircraft; 1 do not say where they are" in page.text(".plan")
+        labels = "[...document.querySelectorAll('.plan .labels text')].map((one) => one.textContent)"
+        assert page.ask(labels) == ["uav-007"], "of many, those that are degraded are named"
         active = (
             "document.activeElement.getAttribute('aria-rowindex') + ' ' + document.activeElement.dataset.key"
         )
@@ -397,10 +427,15 @@ def test_rows_are_filtered_grouped_and_ordered_and_the_address_keeps_it(browser:
 def test_it_fits_a_phone_and_the_keyboard_reaches_everything(page: Page) -> None:
     page.look(390, 844, "dark", mobile=True)
     assert page.ask("document.documentElement.scrollWidth <= 390")
+    page.wait("document.querySelector('#alerts summary')?.textContent.startsWith('Evidence')")
+    assert not page.ask("document.querySelector('#alerts details').open"), (
+        "the aircraft are not screens below"
+    )
     colours = "getComputedStyle(document.body).backgroundColor"
     dark = page.ask(colours)
     page.look(1280, 900, "light")
     assert page.ask(colours) != dark
+    page.wait("document.querySelector('#alerts .sides table') !== null")
     reached = []
     for _ in range(30):
         page.key("Tab")

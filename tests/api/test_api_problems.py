@@ -164,7 +164,7 @@ def test_a_body_too_large_is_refused_though_its_length_is_not_announced(client: 
 
     headers = {"content-type": "application/json"}
     answer = client.post("/v1/alerts/a1/acknowledge", content=pieces(), headers=headers)
-    problem(client, answer, 413)
+    assert "64 kB" in problem(client, answer, 413)["detail"]
 
 
 def test_a_form_of_another_site_cannot_act(client: httpx.Client, monitor: FaultyMonitor) -> None:

@@ -69,7 +69,10 @@ def served(tmp_path: Path) -> Iterator[Served]:
             baselines=PatientBaselines(database, lambda: NOW_S),
         )  # fmt: skip
         app = create_app(monitor, lambda: {"http": None}, None, "1", settings)
-        with HttpServer(app, listen("127.0.0.1", 0)) as server, httpx.Client(base_url=server.url) as client:
+        with (
+            HttpServer(app, listen("127.0.0.1", 0)) as server,
+            httpx.Client(base_url=server.url, verify=False) as client,
+        ):
             yield Served(path, database, client)
 
 

@@ -253,3 +253,4 @@ def test_a_loop_that_fails_is_started_again_and_goes_on(
     until(lambda: "failed with OSError: no more threads and was started" in problem(service, "database"))
     until(lambda: service.counters()["loop"]["restarts_store"] == 1)
     until(lambda: store.behind_s == 0.0)
+    assert next(fails, None) is None

@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 from cli_flights import demo_block, run
+from diagnosis_examples import FOUND
 from numpy.typing import NDArray
 
+from wingwatch import diagnosis
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock, write_flight
 
 CALL = ["--aircraft", "aerosonde"]
@@ -73,7 +75,11 @@ def test_what_is_accepted_is_a_warning(
     )
 
 
-def test_a_diagnosis_that_goes_on_says_so(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_a_diagnosis_that_goes_on_says_so(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Whatever the numerics find, which are handed in."""
+    monkeypatch.setattr(diagnosis, "diagnose", lambda *_, **__: FOUND)
     write_flight(SampleBlock(with_held_surfaces()[:1000]), tmp_path / "flight.csv")
     result = run(capsys, ["diagnose", tmp_path / "flight.csv", *CALL, WAY_ON, "--json"]).json
     assert any("10 Hz in a table of 50 Hz" in note for note in result["notes"])

@@ -154,9 +154,11 @@ def test_of_a_vehicle_that_has_enough_nothing_is_taken_and_how_long_it_waits_is_
     arrived.set()
     until(lambda: monitor.got == ["a"])
     until(lambda: ("default", "busy") in monitor.lags_s)
+    assert monitor.got == ["a"]
     monitor.full = ""
     until(lambda: monitor.got == ["a", "busy"])
     pump.stop()
+    assert queue.messages == []
 
 
 @pytest.mark.parametrize(

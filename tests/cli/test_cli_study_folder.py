@@ -25,7 +25,10 @@ def test_reports_of_the_folder_are_listed_newest_first_and_served_in_a_sandbox(t
     (tmp_path / "link.html").symlink_to(outside)
     (tmp_path / "folder.html").mkdir()
     app = create_app(FakeMonitor(), dict, None, "1", AppSettings(studies=StudyFolder(tmp_path)))
-    with HttpServer(app, listen("127.0.0.1", 0)) as server, httpx.Client(base_url=server.url) as client:
+    with (
+        HttpServer(app, listen("127.0.0.1", 0)) as server,
+        httpx.Client(base_url=server.url, verify=False) as client,
+    ):
         items = client.get("/v1/studies").json()["items"]
         assert [item["name"] for item in items] == ["ice 2026", "old"]
         assert items[0]["title"] == "Study: ice 2026"

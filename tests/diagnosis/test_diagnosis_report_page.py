@@ -26,12 +26,20 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.fixture
-def page(report: Path) -> Generator[Page]:
+@pytest.fixture(scope="module")
+def tab(report: Path) -> Generator[Page]:
     with open_page(report.as_uri()) as opened:
         opened.look(1100, 900)
         opened.wait(f"document.querySelectorAll('.picture').length === {PICTURES} && {DRAWN}", 60.0)
         yield opened
+
+
+@pytest.fixture
+def page(tab: Page) -> Page:
+    """The page as it is at first; each test looks at it in its own way."""
+    tab.look(1100, 900)
+    tab.wait("document.querySelector('.main-svg').clientWidth > 700")
+    return tab
 
 
 def test_every_picture_is_drawn_without_a_complaint(page: Page) -> None:

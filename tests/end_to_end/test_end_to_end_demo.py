@@ -1,7 +1,9 @@
 """The demonstration's fleet, flown faster than life through a real session: the right alerts, in time, and no other."""
 
+import math
 from pathlib import Path
 
+import numpy as np
 from live import get, service_in, until
 
 from wingwatch.cli.simulated_fleet import SimulatedFleet
@@ -32,6 +34,7 @@ def test_the_demonstration_shows_what_it_promises(tmp_path: Path) -> None:
 
         until(lambda: flown_s() >= end_s, PATIENCE_S)
         alerts = {alert["vehicle"]: alert for alert in get(service, "/v1/alerts")["items"]}
+        rows = {v["vehicle"]: v for v in get(service, "/v1/fleet")["vehicles"]}
         vehicles = {v["vehicle"]: v for v in get(service, "/v1/vehicles")["items"]}
     assert set(alerts) == set(EXPECTED)
     for name, alert in alerts.items():
@@ -39,5 +42,8 @@ def test_the_demonstration_shows_what_it_promises(tmp_path: Path) -> None:
         assert ONSETS_S[name] < alert["raised_s"] <= ONSETS_S[name] + ALERT_WITHIN_S
         assert alert["size"]["standard_error"] > 0.0
         assert alert["evidence"]
+    east_m = [111_195.0 * math.cos(math.radians(50.0)) * rows[name]["longitude_deg"]
+              for name in ("healthy", "icing", "elevator")]  # fmt: skip
+    assert min(np.diff(east_m)) > 200.0, "the plan of the page shows them apart"
     assert vehicles["healthy"]["active_alerts"] == []
     assert "messages_lost" not in vehicles["healthy"]["counts"]

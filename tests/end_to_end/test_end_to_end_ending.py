@@ -80,7 +80,7 @@ def test_an_end_is_an_end_with_a_stream_open(
     if command == "demo":
         (tmp_path / "demo.db").write_bytes(b"left over from a demo that was killed")
         (tmp_path / "wingwatch.db").write_bytes(b"not the demo's")
-    running = Running(command, "--port", 0, "--listen", free_endpoint(), "--data", tmp_path)
+    running = Running(command, "--port", 0, "--listen", "tcp/127.0.0.1:0", "--data", tmp_path)
     processes.append(running)
     if command == "demo":
         assert httpx.get(f"{running.url}/v1/alerts", timeout=10.0).json()["items"] == []

@@ -37,15 +37,14 @@ def offline(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict[str,
     return result
 
 
-def check_all_arrived(counts: dict[str, int], recorded: dict[str, Any]) -> None:
+def all_that_arrived(recorded: dict[str, Any]) -> dict[str, int]:
     """First of all: a link that is silent for 10 s, as on a machine that stands still, breaks and loses a message."""
-    assert counts == {"accepted": recorded["cleaning"]["accepted"]}
+    return {"accepted": recorded["cleaning"]["accepted"]}
 
 
-def check_equal(live: dict[str, Any], recorded: dict[str, Any]) -> None:
-    """Every number the same float (JSON floats here are the shortest that read back to the same bits)."""
-    for key in ("time_s", "estimators", "not_estimated", "basis"):
-        assert live[key] == recorded[key], key
+def numbers(said: dict[str, Any]) -> dict[str, Any]:
+    """What is the same float live and offline (JSON floats here are the shortest that read back to the same bits)."""
+    return {key: said[key] for key in ("time_s", "estimators", "not_estimated", "basis")}
 
 
 def test_a_published_flight_gives_the_offline_derivatives(
@@ -71,8 +70,8 @@ def test_a_published_flight_gives_the_offline_derivatives(
         assert (handed_over["samples"], handed_over["messages"]) == (len(block), len(block) / 10)
         live = until_last(service, "uav1", block)
         counts = get(service, "/v1/vehicles/uav1")["counts"]
-    check_all_arrived(counts, recorded)
-    check_equal(live, recorded)
+    assert counts == all_that_arrived(recorded)
+    assert numbers(live) == numbers(recorded)
 
 
 @pytest.mark.parametrize("encoding", [JSON, PROTOBUF])
@@ -95,8 +94,8 @@ def test_messages_of_either_encoding_cut_anyhow_give_the_offline_derivatives(
                 start, sequence = start + len(piece), sequence + 1
         live = until_last(service, "uav1", block)
         counts = get(service, "/v1/vehicles/uav1")["counts"]
-    check_all_arrived(counts, recorded)
-    check_equal(live, recorded)
+    assert counts == all_that_arrived(recorded)
+    assert numbers(live) == numbers(recorded)
 
 
 @pytest.mark.skipif(
@@ -111,6 +110,6 @@ def test_the_real_flight_live_equals_offline(tmp_path: Path, capsys: pytest.Capt
         live = until_last(service, "thor", load_flight(THOR75, THOR75_MAP).block)
         vehicle = get(service, "/v1/vehicles/thor")
     assert vehicle["counts"] == {"accepted": 14_850}
-    check_equal(live, recorded)
+    assert numbers(live) == numbers(recorded)
     assert vehicle["active_alerts"] == []
     assert vehicle["basis"] == "empirical"

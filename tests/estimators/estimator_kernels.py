@@ -1,9 +1,12 @@
 """Kernels of the Fourier estimator with the memory that they ask of their caller, for tests of one of them at a
 time."""
 
+from functools import cache
+from types import FunctionType
 from typing import Any
 
 import numpy as np
+from numba.core.registry import CPUDispatcher
 from numpy.typing import NDArray
 
 from wingwatch.estimators.fourier import bank as transforms
@@ -52,6 +55,23 @@ PITCH_MODEL = Model(
 """Two states and one input; tests replace what they are about."""
 
 
+@cache
+def in_python(kernel: Any) -> Any:
+    """A kernel and all kernels that it calls, run by the interpreter.
+
+    For arithmetic that a test does a few times: to compile a kernel by itself takes a second or more. Compiled, within
+    the kernels that call it, it is tested by what the estimator says (``test_estimators_contract``).
+    """
+    plain = kernel.py_func
+    called = {
+        name: in_python(value)
+        for name, value in plain.__globals__.items()
+        if name in plain.__code__.co_names and isinstance(value, CPUDispatcher)
+    }
+    run = FunctionType(plain.__code__, plain.__globals__ | called, plain.__name__, plain.__defaults__)
+    return np.errstate(all="ignore")(run)  # as in kernels
+
+
 def new_filters(bins: int) -> Filters:
     """Filters before the first sample."""
     return Filters(np.zeros((8, bins)), np.full(1, -1.0), np.zeros((1, READING_MEMORY)))
@@ -69,7 +89,7 @@ def reduced(
     p = len(m)
     gained, evidence = zero_memory(p), Evidence(np.empty((p, p)), np.empty(p), np.empty(p))
     equation = Equation(m, noise, score, np.zeros(p), bias)  # type: ignore[arg-type]
-    reduce_information(equation, smallest, directions_workspace(p), gained, evidence)
+    in_python(reduce_information)(equation, smallest, directions_workspace(p), gained, evidence)
     matrices = [gained.sensitivity, gained.information, evidence.information]
     return matrices, [gained.vector, gained.bias, evidence.vector, evidence.bias]
 
@@ -78,7 +98,7 @@ def left_by(discounted: Real, known: Real, gained: Real, decay: float) -> Array:
     """``replaced``: what discounted information is multiplied by."""
     k = len(known)
     out = np.empty((k, k))
-    replaced(discounted, known, gained, decay, forgetting_workspace(k), out)
+    in_python(replaced)(discounted, known, gained, decay, forgetting_workspace(k), out)
     return out
 
 
@@ -99,13 +119,15 @@ def changed_derivatives(
 
 def inflate_covariance(memory: Memory, size: Real) -> None:
     """``change.inflate_covariance``."""
-    change.inflate_covariance(memory, size, change.change_workspace(len(size)))
+    in_python(change.inflate_covariance)(memory, size, change.change_workspace(len(size)))
 
 
 def spread_of_change(information: Array, vector: Array, size: Real, changed: NDArray[np.bool_]) -> Array:
     """``change.spread_of_change``, (k,); ``information`` and ``vector`` are overwritten."""
     work, spread = change.change_workspace(len(size)), np.empty(len(size))
-    change.spread_of_change(size, changed, work._replace(information=information, vector=vector), spread)
+    in_python(change.spread_of_change)(
+        size, changed, work._replace(information=information, vector=vector), spread
+    )
     return spread
 
 
@@ -117,7 +139,7 @@ def since_checkpoint(omega: Real, block: Block, checkpoint: Block) -> Block:
         checkpoint.bank[None], checkpoint.rows[1:2], checkpoint.sums[None], checkpoint.roughness[None], kept
     )
     window = Block(*(np.empty_like(array) for array in block))
-    checkpoints.since_checkpoint(omega, block, points, 0, window)
+    in_python(checkpoints.since_checkpoint)(omega, block, points, 0, window)
     return window
 
 

@@ -182,6 +182,16 @@ class Runner:
         assert isinstance(state, EkfState)
         return self.estimator.estimate(state, vehicle)
 
+    def reset(self, state: State, vehicle: int) -> None:
+        """Forget what is known of one vehicle's derivatives: every one of them has changed."""
+        k = len(self.estimator.config.structure.derivatives)
+        if isinstance(self.estimator, FourierEstimator):
+            assert isinstance(state, FourierState)
+            self.estimator.resume(state, np.zeros((k, k)), np.zeros(k), vehicle)
+        else:
+            assert isinstance(state, EkfState)
+            self.estimator.release(state, np.ones(k), vehicle)
+
     def run(
         self, signals: Array, state: State | None = None, chunks: tuple[int, ...] = (SOLVE_EVERY,)
     ) -> State:

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from kernels import in_python
 from numba import njit
 from numpy.typing import NDArray
 from reference_plant import PLANTS, Plant
@@ -25,9 +26,6 @@ from wingwatch.estimators.ekf.state import EkfState, MomentLevel
 Array = NDArray[np.float64]
 
 NS, SAMPLES, RATE = 2, 400, 1e-3
-FOLLOW = njit(error_model="numpy")(follow_moment_levels.py_func)
-"""Compiled for the types of this file, which the kept kernels must not have in them: another process that does not know
-them could read none of these."""
 DECAY = math.exp(-0.02 / 0.15)
 
 
@@ -143,7 +141,7 @@ def test_large_innovations_count_as_seen_noise_at_most() -> None:
     step = Step(np.zeros(3), 0.02)
     for _ in range(900):
         level.mean[:] = 50.0
-        FOLLOW(
+        in_python(follow_moment_levels)(
             Model(Sizes(NS, 3), False, True), state, 0, step, transition(), measured, RATE, np.empty((3, 3))
         )
     assert 0.0 < level.information[0, 1] <= MOST_INFORMATION

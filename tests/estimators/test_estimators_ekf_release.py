@@ -13,6 +13,7 @@ from tracking import CHANGED, EVERY_S, step_states, stepped_truth
 from wingwatch.estimators import EkfEstimator, EkfState
 from wingwatch.estimators.ekf.state import arrays_of
 from wingwatch.estimators.ekf.window import begin_window
+from wingwatch.estimators.kernels.by_address import ByAddress
 
 Array = NDArray[np.float64]
 
@@ -146,7 +147,7 @@ def test_a_window_that_begins_after_the_change_is_run_again_from_its_beginning(
         ekf.solve(state)
         if k + SOLVE_EVERY == begun:
             for i in range(len(rows)):
-                begin_window(ekf.model, state, i)
+                begin_window(ekf.model, ByAddress(state), i)
     before, _ = errors_of(ekf, state)
     assert (before[:, CHANGED] > 0.1).all()
     for i in range(len(rows)):

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from estimator_kernels import left_by
 from estimator_plants import PITCH, Array, fourier, noisy_batch, quiet_batch
+from estimator_kernels import in_python, left_by
 
 from wingwatch.estimators import FourierState
 from wingwatch.estimators.fourier.forgetting import EXCITED
@@ -121,7 +121,7 @@ def test_what_goes_takes_no_mean_with_it(seed: int) -> None:
     memory, discounted = (Memory(a.copy(), a.copy(), a @ theta, np.zeros(k)) for a in matrices)
     near = theta + 3.0 * np.linalg.solve(spread, rng.standard_normal(k))
     prior_std = 1e3 / np.diagonal(spread)
-    replace(DECAY, gained, near, prior_std, memory, discounted, memory_workspace(k))
+    in_python(replace)(DECAY, gained, near, prior_std, memory, discounted, memory_workspace(k))
     for left_over in (memory, discounted):
         np.testing.assert_array_equal(left_over.sensitivity, left_over.sensitivity.T)
     size = np.sqrt(np.diagonal(reserve))

@@ -5,11 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from estimator_kernels import PITCH_MODEL
+from estimator_kernels import PITCH_MODEL, in_python
 from numpy.typing import NDArray
 
-from wingwatch.estimators.fourier.doubt import doubt_of, doubt_of_courses
-from wingwatch.estimators.fourier.driven_motion import driven_motions, roll_shared_at_ends
+from wingwatch.estimators.fourier import doubt, driven_motion, noise, products, regressor_errors
 from wingwatch.estimators.fourier.noise import (
     Air,
     NoiseWorkspace,
@@ -19,16 +18,26 @@ from wingwatch.estimators.fourier.noise import (
     noise_variances,
     noise_workspace,
     weigh,
-    weigh_with_doubt,
 )
-from wingwatch.estimators.fourier.products import expected_products, motion_by_moments
-from wingwatch.estimators.fourier.regressor_errors import (
-    add_unseen_errors,
-    shared_with_residual,
-    shown_by_residual,
-    without_errors,
-)
+from wingwatch.estimators.fourier.regressor_errors import without_errors
 from wingwatch.estimators.fourier.state import AIR_VARIANCES, COURSES, GUST, ROLLING, Equation
+
+weigh_with_doubt = in_python(noise.weigh_with_doubt)
+doubt_of, doubt_of_courses = map(in_python, (doubt.doubt_of, doubt.doubt_of_courses))
+driven_motions, roll_shared_at_ends = map(
+    in_python, (driven_motion.driven_motions, driven_motion.roll_shared_at_ends)
+)
+expected_products, motion_by_moments = map(
+    in_python, (products.expected_products, products.motion_by_moments)
+)
+add_unseen_errors, shared_with_residual, shown_by_residual = map(
+    in_python,
+    (
+        regressor_errors.add_unseen_errors,
+        regressor_errors.shared_with_residual,
+        regressor_errors.shown_by_residual,
+    ),
+)
 
 OMEGA = 2.0 * np.pi * np.arange(1, 41) / 10.0
 SPEED, POWER, SPAN = 25.0, 0.2, 10.0

@@ -4,24 +4,29 @@ import math
 
 import numpy as np
 import pytest
+from kernels import in_python
 from numpy.typing import NDArray
 
+from wingwatch.estimators.fourier import nuisance
 from wingwatch.estimators.fourier.bank import NUISANCE
 from wingwatch.estimators.fourier.noise import Air, Plant, noise_workspace
-from wingwatch.estimators.fourier.nuisance import (
-    NormalWorkspace,
-    bins_left,
-    degrees_of_freedom,
-    eliminate,
-    factorise,
-    fitted_columns,
-    normal_workspace,
-    nuisance_of,
-    nuisance_variances,
-    prior_of,
-    reduce_weights,
-)
+from wingwatch.estimators.fourier.nuisance import NormalWorkspace, normal_workspace
 from wingwatch.estimators.fourier.state import AIR_VARIANCES, GUST
+
+bins_left, degrees_of_freedom, eliminate, factorise, fitted_columns, nuisance_of = map(
+    in_python,
+    (
+        nuisance.bins_left,
+        nuisance.degrees_of_freedom,
+        nuisance.eliminate,
+        nuisance.factorise,
+        nuisance.fitted_columns,
+        nuisance.nuisance_of,
+    ),
+)
+nuisance_variances, prior_of, reduce_weights = map(
+    in_python, (nuisance.nuisance_variances, nuisance.prior_of, nuisance.reduce_weights)
+)
 
 BINS, ROWS, STATES, FIRST = 12, 3, 2, 4
 

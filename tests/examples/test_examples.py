@@ -1,5 +1,6 @@
 """The programs in ``examples/`` do what they say, against the real subscriber, decoder and service."""
 
+import csv
 import importlib.util
 import re
 import runpy
@@ -11,8 +12,9 @@ import time
 from pathlib import Path
 
 import pytest
-from api_fakes import FakeMonitor, alert, derivative, served, vehicle
+from api_fakes import FakeHistory, FakeMonitor, alert, derivative, past, served, vehicle
 
+from wingwatch.aircraft import SHORT_PERIOD
 from wingwatch.cli.estimate_history import COLUMNS
 from wingwatch.monitor.views import AlertState
 from wingwatch.telemetry import InboundMessage, SensorSubscriber, ZenohSettings, open_session
@@ -89,11 +91,50 @@ def test_the_client_prints_what_the_service_knows_and_acknowledges(
     assert monitor.raised[0].state is AlertState.ACKNOWLEDGED
 
 
+@pytest.fixture
+def table_of_a_service() -> str:
+    """The history of one vehicle as a service in this process answers it."""
+    monitor = FakeMonitor()
+    monitor.views = [vehicle("aero-1")]
+    m_q = SHORT_PERIOD.derivatives.index("m_q")
+    value = [0.0] * len(SHORT_PERIOD.derivatives)
+    value[m_q] = -4.5
+    history = FakeHistory([past(t, "fourier", "short_period", value, [0.1] * len(value)) for t in (1.0, 1.5)])
+    with served(monitor, history) as (_, client):
+        path = "/v1/vehicles/aero-1/derivatives/history"
+        answer: str = client.get(path, headers={"Accept": "text/csv"}).text
+        return answer
+
+
 def test_columns_that_the_notebook_reads_are_those_of_a_history() -> None:
     program = (EXAMPLES / "estimates.py").read_text()
     read = set(re.findall(r'"([a-z_]+)"', program)) - {"converged", "m_q"}
     assert {"value", "standard_error", "expected"} <= read
     assert read <= set(COLUMNS)
+
+
+def test_columns_that_the_notebook_needs_are_those_of_a_service_too(table_of_a_service: str) -> None:
+    program = (EXAMPLES / "estimates.py").read_text()
+    begin, end = program.index('if "expected" in converged:'), program.index("# %% One derivative over time")
+    needed = set(re.findall(r'"([a-z_]+)"', program[:begin] + program[end:])) - {"converged", "m_q"}
+    rows = list(csv.DictReader(table_of_a_service.splitlines()))
+    assert needed <= set(rows[0])
+    assert [row["derivative"] for row in rows if row["outcome"] == "converged"].count("m_q") == 2
+
+
+@pytest.mark.skipif(importlib.util.find_spec("pandas") is None, reason="pandas is not installed")
+def test_the_notebook_runs_on_what_a_service_gives(
+    table_of_a_service: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    table = tmp_path / "history.csv"
+    table.write_text(table_of_a_service)
+    program = str(EXAMPLES / "estimates.py")
+    monkeypatch.setattr(sys, "argv", [program, str(table)])
+    runpy.run_path(program, run_name="__main__")
+    assert re.search(r"short_period +m_q +fourier +-4.5", capsys.readouterr().out)
 
 
 @pytest.mark.skipif(importlib.util.find_spec("pandas") is None, reason="pandas is not installed")

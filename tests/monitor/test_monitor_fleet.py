@@ -362,22 +362,23 @@ def test_the_worst_vehicle_comes_first(hall: Hall, flight: SampleBlock) -> None:
 
 
 def test_events_grow_and_are_bounded(flight: SampleBlock) -> None:
-    hall = Hall(FleetSettings(kept_events=5))
+    hall = Hall(FleetSettings(kept_events=2))
     hall.announce()
     hall.fly(flight, 0, 12)
     kept = hall.fleet.events(0)
     ids = [e.id for e in kept]
-    assert len(ids) == 5
-    assert ids == list(range(ids[0], ids[0] + 5))
-    assert ids[0] > 1
-    assert hall.fleet.problems["events_forgotten"] == ids[0] - 1
-    assert [e.id for e in hall.fleet.events(ids[2])] == ids[3:]
+    assert len(ids) == 2
+    assert ids == sorted(ids)
+    assert [e.kind for e in kept].count("derivatives") == 1, "the newest takes the place of those before"
+    assert hall.fleet.problems["events_forgotten"] >= 1
+    assert 0 < hall.fleet.events_complete_after() < ids[0]
+    assert [e.id for e in hall.fleet.events(ids[0])] == ids[1:]
     assert hall.fleet.events(ids[-1]) == []
     assert hall.fleet.events(ids[-1] + 1000) == []
     hall.fly(flight, 12, 14)
     news = hall.fleet.events(ids[-1])
-    assert [e.id for e in news] == list(range(ids[-1] + 1, ids[-1] + 1 + len(news)))
-    assert [e.kind for e in news if e.kind != "manoeuvre"] == ["derivatives", "derivatives"]
+    assert [e.kind for e in news if e.kind != "manoeuvre"] == ["derivatives"]
+    assert all(e.id > ids[-1] for e in news)
 
 
 def test_samples_that_wait_and_are_not_watched_are_counted(flight: SampleBlock) -> None:

@@ -1,9 +1,10 @@
 """Who may speak under a vehicle's name: its first publisher, until it ends or falls silent."""
 
 import logging
+from copy import deepcopy
 
 import pytest
-from fleet_hall import Hall, fly_doublets, second
+from fleet_hall import FakeCheckpoints, FakeStore, Hall, fly_doublets, second
 
 from wingwatch.monitor import AlertAction, VehicleState
 from wingwatch.simulation import ElevatorEffectiveness
@@ -22,11 +23,24 @@ def damaged() -> SampleBlock:
     return fly_doublets(130.0, ElevatorEffectiveness(0.5, 60.0))
 
 
-def alarmed(damaged: SampleBlock) -> Hall:
-    hall = Hall()
+@pytest.fixture(scope="module")
+def flown(damaged: SampleBlock) -> tuple[FakeCheckpoints, FakeStore]:
+    """What a service leaves that ends while an alert stands."""
+    checkpoints = FakeCheckpoints()
+    hall = Hall(checkpoints=checkpoints)
     hall.announce(stream=FIRST)
     for k in range(129):
+        hall.clock.now_s += 1.0
         hall.sample(second(damaged, k), k, stream=FIRST)
+    return checkpoints, FakeStore(earlier=tuple(hall.fleet.alerts()))
+
+
+@pytest.fixture
+def alarmed(flown: tuple[FakeCheckpoints, FakeStore]) -> Hall:
+    """The service that goes on from there."""
+    checkpoints, store = deepcopy(flown)
+    hall = Hall(store=store, checkpoints=checkpoints)
+    hall.announce(stream=FIRST)
     assert hall.view().state is VehicleState.DEGRADED
     return hall
 
@@ -146,9 +160,9 @@ def test_who_takes_a_name_over_is_asked_what_it_is(flight: SampleBlock) -> None:
 
 
 @pytest.mark.parametrize("other", [{"aircraft": "twin"}, {"configuration": "flaps"}, {"aircraft": "none"}])
-def test_an_announcement_ends_no_alert(damaged: SampleBlock, other: dict[str, str]) -> None:
+def test_an_announcement_ends_no_alert(damaged: SampleBlock, alarmed: Hall, other: dict[str, str]) -> None:
     """Also that of the vehicle's own publisher, and of a forger who is not told from it."""
-    hall = alarmed(damaged)
+    hall = alarmed
     hall.announce(**other, stream=FIRST)
     hall.sample(second(damaged, 129), 129, stream=FIRST)
     view = hall.view()
@@ -165,8 +179,9 @@ def test_an_announcement_ends_no_alert(damaged: SampleBlock, other: dict[str, st
     )  # fmt: skip
 
 
-def test_an_announcement_that_is_taken_back_changes_nothing(damaged: SampleBlock) -> None:
-    hall = alarmed(damaged)
+def test_an_announcement_that_is_taken_back_changes_nothing(damaged: SampleBlock, alarmed: Hall) -> None:
+    hall = alarmed
+    hall.sample(second(damaged, 129), 129, stream=FIRST)
     hall.announce(aircraft="twin", stream=FIRST)
     hall.announce(stream=FIRST)
     assert "counts once its alert is cleared" not in hall.view().basis_text

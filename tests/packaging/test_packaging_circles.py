@@ -6,6 +6,7 @@ break it.
 
 import ast
 from collections.abc import Callable, Mapping
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -27,13 +28,19 @@ def modules_of(package: Path) -> Modules:
     return found
 
 
+@cache
+def imports_in(text: str) -> tuple[ast.Import | ast.ImportFrom, ...]:
+    """All imports of a module's text."""
+    return tuple(node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Import | ast.ImportFrom))
+
+
 def imported(name: str, modules: Modules) -> set[str]:
     """Modules of the package that a module imports anywhere in its text, but for itself."""
     wanted: set[str] = set()
-    for node in ast.walk(ast.parse(modules[name].read_text())):
+    for node in imports_in(modules[name].read_text()):
         if isinstance(node, ast.Import):
             wanted.update(alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
+        else:
             assert node.level == 0, f"{name} imports by a relative name"
             whole = [f"{node.module}.{alias.name}" for alias in node.names]
             wanted.update(n if n in modules else str(node.module) for n in whole)

@@ -426,6 +426,7 @@ def test_the_docker_folder_holds_only_these() -> None:
         "Dockerfile",
         "Dockerfile.dockerignore",
         "compose.yaml",
+        "compose.documents.yaml",
         "compose.secure.yaml",
         "service.secure.toml",
         "grafana",
@@ -470,3 +471,13 @@ def test_the_secure_service_has_certificates_and_the_router_s_name() -> None:
     of_zenoh = settings.zenoh.model_dump(exclude_none=True)
     assert set(of_zenoh) == {"authority", "certificate", "private_key"}
     assert all(value.parent == Path("/secure") for value in of_zenoh.values())
+
+
+def test_the_documents_are_mounted_where_the_service_is_told_to_find_them() -> None:
+    added = yaml.safe_load((ROOT / "docker" / "compose.documents.yaml").read_text())["services"]["service"]
+    command = list(SERVICES["service"]["command"])
+    assert added["command"] == [*command, "--documents", "/documents"]
+    assert added["volumes"] == ["../dist/site:/documents:ro"]
+    assert "site_dir: dist/site" in (ROOT / "mkdocs.yml").read_text()
+    asked = build_parser("0").parse_args(added["command"])
+    assert asked.documents == Path("/documents")

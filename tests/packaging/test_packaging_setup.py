@@ -255,7 +255,7 @@ def test_make_test_makes_every_check() -> None:
     for check in (
         "ruff check",
         "ruff format --check",
-        "mypy wingwatch tests benchmarks tools",
+        "mypy wingwatch tests benchmarks tools examples",
         "lint-imports",
     ):
         assert check in done.stdout

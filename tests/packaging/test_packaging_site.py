@@ -14,6 +14,7 @@ from urllib.parse import unquote
 
 import pytest
 from api_fakes import VERSION, FakeMonitor
+from axe_playwright_python.sync_playwright import Axe
 from browser import chromium_path, open_page
 
 from wingwatch.api import AppSettings, HttpServer, create_app, listen
@@ -168,3 +169,20 @@ def test_the_service_shows_the_site_and_its_search_finds(served_site: str) -> No
         assert page.console == []
     assert len(fetched) > 3
     assert all(name.startswith((served_site, "data:")) for name in fetched)
+
+
+@pytest.mark.skipif(
+    chromium_path() is None, reason="this machine has no Chromium: install the package chromium"
+)
+def test_axe_finds_nothing_serious_in_the_documents_light_or_dark(served_site: str) -> None:
+    found = []
+    with open_page(f"{served_site}/help/index.html") as page:
+        for name in ("how_to/log", "limits"):
+            for scheme, options in (("light", None), ("dark", {"runOnly": ["color-contrast"]})):
+                page.look(700, 900, scheme)  # tables are wider than that, and scroll
+                page.tab.goto(f"{served_site}/help/{name}.html")
+                violations = Axe().run(page.tab, options=options).response["violations"]
+                found += [f"{name} {scheme} {one['id']}: {one['nodes'][0]['html']}" for one in violations
+                          if one["impact"] in ("serious", "critical")]  # fmt: skip
+        assert page.console == []
+    assert found == []

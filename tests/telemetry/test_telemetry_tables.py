@@ -35,10 +35,10 @@ def write(path: Path, data: str | bytes) -> Path:
     return path
 
 
-def same_rows(path: Path, names: tuple[str, ...] = NAMES) -> None:
+def rows_of(path: Path, names: tuple[str, ...] = NAMES) -> list[list[float]]:
     table = read_table(path)
-    found = np.column_stack([table.columns[name] for name in names])
-    np.testing.assert_array_equal(found, np.array(ROWS))
+    rows: list[list[float]] = np.column_stack([table.columns[name] for name in names]).tolist()
+    return rows
 
 
 @pytest.mark.parametrize(
@@ -55,24 +55,24 @@ def same_rows(path: Path, names: tuple[str, ...] = NAMES) -> None:
 @pytest.mark.parametrize("delimiter", [",", ";", "\t", "|"])
 def test_the_header_is_found_below_what_stands_above_it(tmp_path: Path, above: str, delimiter: str) -> None:
     lines = [delimiter.join(NAMES), *text_of(ROWS, delimiter)]
-    same_rows(write(tmp_path / "a.csv", above + "\n".join(lines) + "\n"))
+    assert rows_of(write(tmp_path / "a.csv", above + "\n".join(lines) + "\n")) == ROWS
 
 
 @pytest.mark.parametrize("mark", ["#", "# ", "% ", "//"])
 @pytest.mark.parametrize("delimiter", [",", " ", "\t"])
 def test_a_header_may_be_a_comment(tmp_path: Path, mark: str, delimiter: str) -> None:
     lines = ["# made by hand", mark + delimiter.join(NAMES), *text_of(ROWS, delimiter)]
-    same_rows(write(tmp_path / "a.txt", "\n".join(lines) + "\n"))
+    assert rows_of(write(tmp_path / "a.txt", "\n".join(lines) + "\n")) == ROWS
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r", "\r\r\n"])
 def test_any_line_end_is_one(tmp_path: Path, end: str) -> None:
-    same_rows(write(tmp_path / "a.csv", end.join([",".join(NAMES), *text_of(ROWS), ""])))
+    assert rows_of(write(tmp_path / "a.csv", end.join([",".join(NAMES), *text_of(ROWS), ""]))) == ROWS
 
 
 def test_line_ends_may_differ_within_a_file(tmp_path: Path) -> None:
     a, b, c = text_of(ROWS)
-    same_rows(write(tmp_path / "a.csv", f"{','.join(NAMES)}\r\n{a}\r{b}\n{c}\r\r\n"))
+    assert rows_of(write(tmp_path / "a.csv", f"{','.join(NAMES)}\r\n{a}\r{b}\n{c}\r\r\n")) == ROWS
 
 
 @pytest.mark.parametrize(
@@ -80,7 +80,7 @@ def test_line_ends_may_differ_within_a_file(tmp_path: Path) -> None:
 )
 def test_delimiters_too_many_at_line_ends_are_no_columns(tmp_path: Path, header: str, rows: str) -> None:
     lines = [",".join(NAMES) + header, *(row + rows for row in text_of(ROWS))]
-    same_rows(write(tmp_path / "a.csv", "\n".join(lines) + "\n"))
+    assert rows_of(write(tmp_path / "a.csv", "\n".join(lines) + "\n")) == ROWS
     assert read_table(tmp_path / "a.csv").notes == ()
 
 
@@ -92,7 +92,7 @@ def test_an_empty_last_cell_is_a_missing_value_beside_rows_with_a_comma_too_many
 @pytest.mark.parametrize("delimiter", [";", "\t", "|", "   "])
 def test_decimal_commas_are_numbers(tmp_path: Path, delimiter: str) -> None:
     lines = [delimiter.join(NAMES), *text_of(ROWS, delimiter, ",")]
-    same_rows(write(tmp_path / "a.csv", "\n".join(lines) + "\n"))
+    assert rows_of(write(tmp_path / "a.csv", "\n".join(lines) + "\n")) == ROWS
 
 
 def test_columns_of_whole_numbers_beside_decimal_commas_stay_what_they_are(tmp_path: Path) -> None:
@@ -118,14 +118,14 @@ def test_decimal_commas_between_commas_are_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "latin-1"])
 def test_any_encoding_of_a_table_is_read(tmp_path: Path, encoding: str) -> None:
     lines = [",".join(NAMES) + ",température °", *(row + ",1" for row in text_of(ROWS))]
-    same_rows(write(tmp_path / "a.csv", ("\r\n".join(lines) + "\r\n").encode(encoding)))
+    assert rows_of(write(tmp_path / "a.csv", ("\r\n".join(lines) + "\r\n").encode(encoding))) == ROWS
 
 
 @pytest.mark.parametrize("blanks", [" ", "   ", "\t\t", " \t "])
 def test_without_a_header_columns_have_numbers(tmp_path: Path, blanks: str) -> None:
     text = "\n".join("  " + row for row in text_of(ROWS, blanks)) + "\n"
     path = write(tmp_path / "a.asc", text)
-    same_rows(path, ("1", "2", "3"))
+    assert rows_of(path, ("1", "2", "3")) == ROWS
     assert "no line names the columns: they are called 1 to 3" in read_table(path).notes
 
 
@@ -133,7 +133,7 @@ def test_fortran_exponents_are_numbers(tmp_path: Path) -> None:
     path = write(
         tmp_path / "a.asc", " 0.5D+00 -1.25D+00 1.0D+03\n 0.75D+00 2.5D+00 1.001D+03\n 1.D0 .125D0 1.0025D3\n"
     )
-    same_rows(path, ("1", "2", "3"))
+    assert rows_of(path, ("1", "2", "3")) == ROWS
 
 
 @pytest.mark.parametrize(

@@ -41,6 +41,7 @@ from wingwatch.telemetry import (
     open_session,
     parse_map,
     vehicle_key,
+    with_free_ports,
 )
 from wingwatch.telemetry.protocol import vehicle_pb2
 
@@ -489,3 +490,18 @@ class TestOpening:
         assert json.loads(config.get_json("scouting/multicast/enabled")) is False
         assert json.loads(config.get_json("transport/shared_memory/enabled")) is False
         assert json.loads(ZenohSettings.for_vehicle().config().get_json("listen/endpoints")) == []
+
+
+def test_port_0_becomes_a_free_port_that_others_can_be_told() -> None:
+    listen = with_free_ports(
+        ("tcp/127.0.0.1:0", "udp/[::1]:0#iface=lo", DEFAULT_ENDPOINT, "tcp/no.such.host.invalid:0")
+    )
+    assert listen[2:] == (DEFAULT_ENDPOINT, "tcp/no.such.host.invalid:0")
+    port = int(listen[0].removeprefix("tcp/127.0.0.1:"))
+    assert port > 1023
+    assert not listen[1].endswith(":0#iface=lo")
+    with (
+        open_session(ZenohSettings.for_service(listen=listen[:1])),
+        open_session(ZenohSettings.for_vehicle(listen[:1])) as vehicle,
+    ):
+        assert len(list(vehicle.info.peers_zid())) == 1

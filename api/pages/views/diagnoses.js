@@ -2,9 +2,10 @@
 
 import { NotLoggedIn, Refused, failure, get, send, withQuery } from "../api.js";
 import { make, setText, sync } from "../dom.js";
-import { fixed } from "../format.js";
+import { fixed, sentence, vehicleName } from "../format.js";
 
 const BUSY_MS = 700, QUIET_MS = 5000, MOST_BYTES = 64 * 2 ** 20, MOST_MAP = 20000;
+const OF_ALERT = /^alert (\S+) of ([^/\s]+)\/([^/\s]+)$/; // what the service calls the flight before an alert
 const OPEN = ["queued", "running"];
 const TONES = { done: "healthy", failed: "degraded", cancelled: "unknown", queued: "unknown", running: "watch" };
 
@@ -19,9 +20,9 @@ export function view({ session, announce }) {
   });
   form.hidden = !acts;
   const node = make("div", "", make("h1", "", "Diagnoses"),
-    make("p", "lead", "What the simulation of an aircraft gets wrong against a recorded flight. Alerts of the airframe are diagnosed by themselves."),
+    make("p", "lead", "What the simulation of an aircraft gets wrong against a recorded flight. The service diagnoses alerts of the airframe on its own."),
     form, problem, none, list);
-  let open = true, timer = 0, flying = [];
+  let open = true, timer = 0, flying = [], alerts = [];
 
   async function ask() {
     clearTimeout(timer);
@@ -29,7 +30,7 @@ export function view({ session, announce }) {
     try {
       const { items } = await get("/v1/diagnoses");
       if (!open) return;
-      sync(list, items, (job) => job.id, (job) => jobItem(job, acts));
+      sync(list, items.map((job) => ({ ...job, alert: alertOf(job, alerts) })), (job) => job.id, (job) => jobItem(job, acts));
       none.hidden = items.length > 0;
       problem.textContent = "";
       const known = [...new Set([...flying, ...items.map((job) => job.aircraft)])].sort();
@@ -63,6 +64,7 @@ export function view({ session, announce }) {
 
   function update({ status }) {
     flying = status?.vehicles.map((row) => row.aircraft).filter(Boolean) ?? [];
+    alerts = status?.alerts ?? alerts;
   }
 
   function close() {
@@ -73,13 +75,21 @@ export function view({ session, announce }) {
   return { node, update, close };
 }
 
+/** The alert that a job looks into, as a person calls it: `{id, name}`; null for a flight that was uploaded. */
+function alertOf(job, alerts) {
+  const [, id, fleet, vehicle] = OF_ALERT.exec(job.file) ?? [];
+  if (!id) return null;
+  const cause = alerts.find((alert) => alert.id === id)?.cause;
+  return { id, name: `${cause ? sentence(cause) : "Alert"} on ${vehicleName({ fleet, vehicle })}` };
+}
+
 function jobItem(job, acts) {
   const running = OPEN.includes(job.state);
   const doing = job.state === "queued" ? (job.ahead ? `${job.ahead} before it` : "next") : job.state === "running" ? job.doing : job.problem;
-  const head = make("div", "head", make("h3", "", job.file), make("span", "tag", { data: { tone: TONES[job.state] } }, job.state));
+  const head = make("div", "head", make("h3", "", job.alert ? make("a", "", { href: `/alerts?id=${encodeURIComponent(job.alert.id)}` }, job.alert.name) : job.file), make("span", "tag", { data: { tone: TONES[job.state] } }, job.state));
   const item = make("li", "card", head, make("p", "soft", [job.aircraft, doing].filter(Boolean).join(": ")));
   if (running) {
-    item.append(make("progress", "", { max: 1, value: job.progress ?? 0, "aria-label": `Progress of ${job.file}` }));
+    item.append(make("progress", "", { max: 1, value: job.progress ?? 0, "aria-label": `Progress of ${job.alert?.name ?? job.file}` }));
     if (job.state === "running") item.append(make("p", "soft number", `${fixed(100 * (job.progress ?? 0), 0)} %`));
   }
   const buttons = [];

@@ -10,7 +10,9 @@ import { STATES } from "../parts.js";
 import { Plan } from "../plan.js";
 import { WindowList } from "../window_list.js";
 
-const MOST_CARDS = 50, MOST_OPEN = 2; // cards that are built; cards up to which the evidence stands open
+const MOST_CARDS = 50, MOST_OPEN = 1; // cards that are built; cards up to which the evidence stands open
+const NARROW = window.matchMedia("(max-width: 42rem)"); // there evidence is folded: the aircraft must not be screens below
+const NOBODY = "No aircraft has been heard yet. One appears with its first message: by wingwatch bridge from a MAVLink link, or from a publisher over Zenoh (help, docs/telemetry.md). wingwatch demo flies three.";
 const ORDERS = [["worst", "worst first"], ["name", "by name"], ["z", "largest z first"]];
 
 export function view({ query, store, session, navigate }) {
@@ -81,11 +83,11 @@ function alertsPart(session, store) {
   showCleared();
 
   function update({ alerts, groups }) {
-    const all = alertEntries(alerts, groups), shown = all.slice(0, MOST_CARDS), many = all.length > MOST_OPEN;
+    const all = alertEntries(alerts, groups), shown = all.slice(0, MOST_CARDS), many = NARROW.matches || all.length > MOST_OPEN;
     sync(list, shown.map((one) => ({ one, folded: many || one.state !== "active" })), ({ one }) => one.id,
       ({ one, folded }) => (one.members ? groupCard(one, buttons) : alertCard(one, buttons, folded)));
     none.hidden = all.length > 0;
-    setText(none, "No alert stands.");
+    setText(none, "No alert is in force.");
     more.hidden = all.length <= MOST_CARDS;
     setText(more.firstChild, `${all.length - shown.length} more alerts`);
   }
@@ -108,7 +110,7 @@ function aircraftPart(filter, navigate, acts) {
   const grouped = make("input", "", { type: "checkbox", id: "grouped", checked: filter.grouped });
   const byFleet = make("label", "line", { hidden: true }, grouped, "by fleet");
   const shown = make("span", "soft", { id: "shown", "aria-live": "polite" });
-  const none = make("p", "quiet", { id: "no-vehicles", hidden: true }, "No aircraft has been heard yet.");
+  const none = make("p", "quiet", { id: "no-vehicles", hidden: true }, NOBODY);
   const rows = new WindowList({ label: "Aircraft", columns: COLUMNS, key: keyOf, row: (item) => builtRow(item, acts), opened });
   rows.node.id = "vehicles";
   const plan = new Plan(opened);
@@ -133,7 +135,7 @@ function aircraftPart(filter, navigate, acts) {
     rows.set(wanted);
     rows.node.hidden = wanted.length === 0;
     none.hidden = wanted.length > 0;
-    setText(none, all ? "No aircraft fits the filter." : "No aircraft has been heard yet.");
+    setText(none, all ? "No aircraft fits the filter." : NOBODY);
     beside.classList.toggle("with-plan", plan.set(wanted));
   }
 

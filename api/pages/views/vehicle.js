@@ -4,7 +4,7 @@ import { actButtons } from "../acting.js";
 import { Refused, get, withQuery } from "../api.js";
 import { alertCard } from "../alert_card.js";
 import { make, setText, sync, takePlace } from "../dom.js";
-import { fixed, vehicleName, words } from "../format.js";
+import { fixed, signed, symbol, vehicleName, words } from "../format.js";
 import { facts, tag } from "../parts.js";
 import { envelope } from "./vehicle_envelope.js";
 import { Pictures } from "./vehicle_pictures.js";
@@ -25,11 +25,19 @@ function head(vehicle) {
       ["Aircraft", kind + (vehicle.mass_kg === null ? "" : `, ${fixed(vehicle.mass_kg, 1)} kg`)],
       ["Flight", flight.join(", ")],
       ["Air", vehicle.air?.text ?? ""],
+      ["Furthest off", worst(vehicle.worst)],
       ["Last sample", last === null ? "none" : `${fixed(last, 1)} s on its clock`],
       ["Basis", vehicle.basis_text || vehicle.basis || "nothing compared yet"],
     ]));
   if (vehicle.proposed_input) node.append(proposal(vehicle.proposed_input));
   return node;
+}
+
+/** The derivative that is furthest from its expectation, and which estimator says so; null before the first comparison. */
+function worst(found) {
+  if (!found) return null;
+  const by = `${words(found.estimator === "ekf" ? "Kalman filter" : found.estimator)}, ${words(found.structure)}`;
+  return make("span", "", symbol(found.derivative), ` ${found.meaning}, z `, make("b", "number", signed(found.z)), ` (${by})`);
 }
 
 /** A section whose content is made anew when what it shows has changed. */
