@@ -20,7 +20,7 @@ from saving import run_benchmark
 
 from wingwatch.aircraft import Aircraft, FlightCondition, load_aircraft
 from wingwatch.monitor import AlertView, MonitorStart, Report, VehicleMonitor, surface_kinds
-from wingwatch.monitor.together import feed_together
+from wingwatch.monitor.fleet.together import feed_together
 from wingwatch.simulation import (
     AileronEffectiveness,
     Effect,

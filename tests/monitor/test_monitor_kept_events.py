@@ -1,8 +1,7 @@
 """Events kept for listeners who come back: bounded, in order, and nothing that matters lost behind derivatives."""
 
-from wingwatch.monitor.fleet.settings import FleetSettings
-
 from wingwatch.monitor.fleet.kept_events import KeptEvents
+from wingwatch.monitor.fleet.settings import FleetSettings
 
 
 def solve(kept: KeptEvents, vehicles: int, seconds: int) -> None:
