@@ -5,8 +5,8 @@ from typing import Literal
 
 import numpy as np
 import pytest
+from estimator_kernels import in_python
 from estimator_plants import PITCH, RATE_HZ, REFERENCE, SOLVE_EVERY, Array, doublets, make_signals
-from kernels import in_python
 from scipy.integrate import quad
 from scipy.linalg import expm
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from kernels import in_python
+from estimator_kernels import in_python
 from numba import njit
 from numpy.typing import NDArray
 from reference_plant import PLANTS, Plant

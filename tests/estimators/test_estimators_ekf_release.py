@@ -13,7 +13,7 @@ from tracking import CHANGED, EVERY_S, step_states, stepped_truth
 from wingwatch.estimators import EkfEstimator, EkfState
 from wingwatch.estimators.ekf.state import arrays_of
 from wingwatch.estimators.ekf.window import begin_window
-from wingwatch.estimators.kernels.by_address import ByAddress
+from wingwatch.kernels.by_address import ByAddress
 
 Array = NDArray[np.float64]
 

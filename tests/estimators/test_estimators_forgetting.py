@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from estimator_plants import PITCH, Array, fourier, noisy_batch, quiet_batch
 from estimator_kernels import in_python, left_by
+from estimator_plants import PITCH, Array, fourier, noisy_batch, quiet_batch
 
 from wingwatch.estimators import FourierState
 from wingwatch.estimators.fourier.forgetting import EXCITED

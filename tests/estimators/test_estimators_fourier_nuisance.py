@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from kernels import in_python
+from estimator_kernels import in_python
 from numpy.typing import NDArray
 
 from wingwatch.estimators.fourier import nuisance
