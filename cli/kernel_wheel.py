@@ -2,7 +2,7 @@
 
 ``make wheel`` compiles all kernels for a fixed set of processor features and packs what numba's cache then holds into
 one archive in the package. ``take_kernels`` lays it where numba looks for what was compiled on this machine, once. From
-then on numba loads it as its own; nothing of numba is changed, and what is compiled later is compiled for this processor.
+then on numba loads it as its own. Nothing of numba is changed, and what is compiled later is compiled for this machine.
 
 A wheel's kernels are taken only where they would run and are right: this Python, this numba and llvmlite, a processor
 with all the features, and source files with the bytes that were compiled. Else there is one sentence, and kernels are
@@ -72,11 +72,14 @@ def take_kernels(package: Path = _PACKAGE) -> str | None:
     try:
         with zipfile.ZipFile(package / ARCHIVE) as packed:
             why = _take(packed, package)
-    except (OSError, zipfile.BadZipFile, ValueError, KeyError) as error:
+    except Exception as error:  # whatever it is: without these kernels everything works
         why = " ".join(str(error).split()) or type(error).__name__
     if why is None:
         return None
-    return f"the compiled kernels of this installation are not used ({why}); they are compiled here, which takes minutes, once"
+    return (
+        f"the compiled kernels of this installation are not used ({why}); "
+        "they are compiled here, which takes minutes, once"
+    )
 
 
 def take_or_say() -> None:

@@ -2,9 +2,9 @@
 
     make wheel
 
-The plain wheel is built and unpacked, its kernels are compiled, and the wheel is built once more with what numba's cache
-then holds. It is for this Python version and this kind of system, and asks for the versions of numba and llvmlite that
-compiled it. What becomes of it elsewhere: wingwatch/cli/kernel_wheel.py.
+The plain wheel is built and unpacked, its kernels are compiled, and the wheel is built once more with what numba's
+cache then holds. It is for this Python version and this kind of system, and asks for the versions of numba and llvmlite
+that compiled it. What becomes of it elsewhere: wingwatch/cli/kernel_wheel.py.
 """
 
 import os
@@ -25,8 +25,8 @@ ROOT = Path(__file__).parents[1]
 CPU = "x86-64-v3"
 """As LLVM and the x86-64 psABI name it: Intel since Haswell (2013), AMD since Excavator (2015)."""
 FEATURES = (
-    "avx", "avx2", "bmi", "bmi2", "cmov", "cx16", "cx8", "f16c", "fma", "fxsr", "lzcnt", "mmx", "movbe", "popcnt", "sahf",
-    "sse", "sse2", "sse3", "sse4.1", "sse4.2", "ssse3", "xsave",
+    "avx", "avx2", "bmi", "bmi2", "cmov", "cx16", "cx8", "f16c", "fma", "fxsr", "lzcnt", "mmx", "movbe", "popcnt",
+    "sahf", "sse", "sse2", "sse3", "sse4.1", "sse4.2", "ssse3", "xsave",
 )  # fmt: skip
 """What the psABI asks of that level, by LLVM's names (LAHF-SAHF is ``sahf``; OSXSAVE is ``xsave`` that may be used)."""
 
@@ -70,9 +70,7 @@ def build(folder: Path) -> Path:
         "NUMBA_CPU_FEATURES": "",  # none but those of the name
         "NUMBA_DISABLE_INTEL_SVML": "1",  # a library that another machine need not have
     }
-    subprocess.run(
-        [sys.executable, "-m", "wingwatch.cli.kernels"], cwd=folder, env=environment, check=True
-    )
+    subprocess.run([sys.executable, "-m", "wingwatch.cli.kernels"], cwd=folder, env=environment, check=True)
     archive = folder / "compiled.zip"
     pack_kernels(package / "wingwatch", archive, CPU, FEATURES)
     print("[wheel] the wheel with them", flush=True)
@@ -84,7 +82,9 @@ def hatchling(target: Path, environment: Mapping[str, str]) -> Path:
     """Build a wheel into a folder, with these variables besides; its path."""
     before = {file: file.stat().st_mtime_ns for file in target.glob("*.whl")}
     command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(target)]
-    subprocess.run(command, cwd=ROOT, env={**os.environ, **environment}, check=True, stdout=subprocess.DEVNULL)
+    subprocess.run(
+        command, cwd=ROOT, env={**os.environ, **environment}, check=True, stdout=subprocess.DEVNULL
+    )
     (built,) = (file for file in target.glob("*.whl") if before.get(file) != file.stat().st_mtime_ns)
     return built
 

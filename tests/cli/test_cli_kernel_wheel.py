@@ -31,7 +31,7 @@ def twice(x):
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A package as its wheel is built: a kernel that another process compiled for the least that this system runs on."""
+    """A package as its wheel is built: a kernel that another process compiled for the least that this system needs."""
     package = tmp_path_factory.mktemp("built") / "package"
     (package / "inner").mkdir(parents=True)
     (package / "__init__.py").touch()
@@ -126,7 +126,8 @@ def test_kernels_that_would_not_run_here_are_left_and_it_is_said_once(
 ) -> None:
     alter(installed, **said)
     assert take_kernels(installed) == (
-        f"the compiled kernels of this installation are not used ({why}); they are compiled here, which takes minutes, once"
+        f"the compiled kernels of this installation are not used ({why}); "
+        "they are compiled here, which takes minutes, once"
     )
     assert take_kernels(installed) is None
     assert has_to_compile()

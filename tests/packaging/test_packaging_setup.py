@@ -246,7 +246,7 @@ def test_make_alone_lists_every_target_once() -> None:
         ["make", "--no-print-directory"], cwd=ROOT, capture_output=True, text=True, check=True
     )
     listed = [line.split()[1] for line in done.stdout.splitlines()]
-    assert listed == ["help", "run", "test", "constraints", "proto", "docs", "reference", "sbom", "clean"]
+    assert listed == ["help", "run", "test", "constraints", "proto", "wheel", "docs", "reference", "sbom", "clean"]
 
 
 def test_make_test_makes_every_check() -> None:
