@@ -112,16 +112,17 @@ def _unfit(built: dict[str, Any], here: tuple[str, str, str]) -> str | None:
         if built[name] != version(name):
             return f"they are for {name} {built[name]}, and {name} {version(name)} is installed"
     _, cpu, features = here
-    if cpu == built["cpu"]:  # asked for by NUMBA_CPU_NAME: a name that stands for features
+    if (cpu, features) == (built["cpu"], ""):  # asked for by NUMBA_CPU_NAME: a name that stands for features
         return None
     missing = set(built["features"]) - {one[1:] for one in features.split(",") if one.startswith("+")}
     return f"this processor has no {', '.join(sorted(missing))}" if missing else None
 
 
 def _lay(packed: zipfile.ZipFile, package: Path, here: tuple[str, str, str]) -> int:
-    """Add the archive's kernels to numba's cache as compiled for the processor ``here``; how many are there now.
+    """Add the archive's kernels to numba's cache as compiled for the processor ``here``; how many.
 
-    A kernel that was compiled here already stays as it is.
+    What was compiled here before gives way. It may be of an earlier version: numba looks at a kernel's own source file
+    alone, and not at those of the kernels that it calls.
     """
     from wingwatch.cli.kernel_worker import one_writer  # it loads every estimator, as the kernels' types do
 
@@ -148,12 +149,10 @@ def _add(index: Path, source: Path, here: tuple[str, str, str]) -> Iterator[str]
     kept = files(cache.cache_path, index.stem, stamp)
     as_numba_has_it: Callable[[Any], bytes] = kept._dump
     kept._dump = lambda data: data if isinstance(data, bytes) else as_numba_has_it(data)
-    there = kept._load_index()
     for (signature, (triple, *_), code), name in brought._load_index().items():
         key = (signature, here, code)
         if triple == here[0]:
-            if key not in there:
-                kept.save(key, Path(brought._data_path(name)).read_bytes())
+            kept.save(key, Path(brought._data_path(name)).read_bytes())
             yield name
 
 

@@ -100,13 +100,15 @@ def test_kernels_are_taken_once(installed: Path, monkeypatch: pytest.MonkeyPatch
     assert take_kernels(installed) is None
 
 
-def test_what_was_compiled_here_stays(installed: Path, tmp_path: Path) -> None:
+def test_what_an_earlier_version_left_gives_way(installed: Path, tmp_path: Path) -> None:
     kernel()(1.0)
     (own,) = (tmp_path / "kept").rglob("*.nbc")
-    compiled = own.read_bytes()
     assert take_kernels(installed) is None
-    assert own.read_bytes() == compiled
+    with zipfile.ZipFile(installed / ARCHIVE) as packed:
+        (brought,) = (packed.read(name) for name in packed.namelist() if name.endswith(".nbc"))
+    assert own.read_bytes() == brought
     assert list((tmp_path / "kept").rglob("*.nbc")) == [own]
+    assert not has_to_compile()
 
 
 @pytest.mark.parametrize(
