@@ -1,9 +1,9 @@
 """What kernels compiled for a fixed set of processor features cost beside those compiled for this processor.
 
 A wheel with compiled kernels (``make wheel``) brings the former, a machine that compiles its own has the latter. The
-costs are those of ``cost.py``: processor time a vehicle-sample of both estimators, all structures together. Processes of
-the two kinds take turns, each kind is first in every other round, and a ratio is of two that ran one after the other; the
-median and the range of the rounds are printed. Kernels that are not there yet are compiled first, for both.
+costs are those of ``cost.py``: processor time a vehicle-sample of both estimators, all structures together. Processes
+of the two kinds take turns, each kind is first in every other round, and a ratio is of two that ran one after the
+other; the median and the range of the rounds are printed. Kernels that are not there yet are compiled first.
 
 Run: python benchmarks/fixed_features.py [--cpu x86-64-v3] [--vehicles 300] [--seconds 12] [--rounds 6]
 """
