@@ -36,7 +36,7 @@ def main() -> int:
     if platform.machine() != "x86_64":
         print(
             f"wingwatch wheel: no set of features is fixed for {platform.machine()}, only for x86_64; "
-            "build the plain wheel with 'python -m hatchling build -t wheel'",
+            "build the plain wheel with '.venv/bin/python -m hatchling build -t wheel'",
             file=sys.stderr,
         )
         return 2
