@@ -55,6 +55,7 @@ def pack_kernels(package: Path, archive: Path, cpu: str, features: Sequence[str]
             **{name: version(name) for name in _LIBRARIES},
             "cpu": cpu,
             "features": sorted(features),
+            "sources": _digest_of_sources(package),
             "contents": contents.hexdigest(),
         }
         packed.writestr(MANIFEST, json.dumps(built))
@@ -96,9 +97,12 @@ def _take(packed: zipfile.ZipFile, package: Path) -> str | None:
     done = Path(_cache_of(package / "__init__.py").cache_path) / f"wingwatch-{about.hexdigest()[:16]}.taken"
     if done.exists():
         return None
-    why = _unfit(json.loads(manifest), here)
+    built = json.loads(manifest)
+    why = _unfit(built, here)
+    if why is None and built["sources"] != _digest_of_sources(package):
+        why = "a source file was changed"
     if why is None and not _lay(packed, package, here):
-        why = "they are of other source files or of another system"
+        why = "they are for another system"
     done.parent.mkdir(parents=True, exist_ok=True)
     done.touch()
     return why
@@ -121,8 +125,7 @@ def _unfit(built: dict[str, Any], here: tuple[str, str, str]) -> str | None:
 def _lay(packed: zipfile.ZipFile, package: Path, here: tuple[str, str, str]) -> int:
     """Add the archive's kernels to numba's cache as compiled for the processor ``here``; how many.
 
-    What was compiled here before gives way. It may be of an earlier version: numba looks at a kernel's own source file
-    alone, and not at those of the kernels that it calls.
+    What was compiled here before gives way: it may be of an earlier version with other callees.
     """
     from wingwatch.cli.kernel_worker import one_writer  # it loads every estimator, as the kernels' types do
 
@@ -168,6 +171,15 @@ def _processor() -> tuple[str, str, str]:
     target: Any = import_module("numba.core.registry").cpu_target
     triple, cpu, features = target.target_context.codegen().magic_tuple()
     return triple, cpu, features
+
+
+def _digest_of_sources(package: Path) -> str:
+    """Of all source files: numba looks at a kernel's own file alone, and not at those of the kernels that it calls."""
+    digest = hashlib.sha256()
+    for file in sorted(package.rglob("*.py")):
+        digest.update(f"{file.relative_to(package).as_posix()} {file.stat().st_size}\n".encode())
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
 
 
 def _python() -> str:
