@@ -8,7 +8,7 @@ SETUP  := $(PYTHON) tools/install.py
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help python run test checks kernels constraints proto docs reference sbom clean
+.PHONY: help python run test checks kernels constraints proto wheel docs reference sbom clean
 
 help:         ## what can be made
 	@grep -E '^[a-z]+:.*##' Makefile | sed -E 's/^([a-z]+):.*## (.*)/\1|\2/' | while IFS='|' read -r name text; do \
@@ -49,6 +49,10 @@ constraints: python  ## pin every package anew, with hashes (UPGRADE=--upgrade f
 proto: python ## generate telemetry/protocol from proto/
 	@$(SETUP) --extra dev --extra postgres --extra dask --extra logs --extra notify --extra docs
 	$(BIN)/python tools/generate_protocol.py
+
+wheel: python ## a wheel in dist/ that starts at once: with the kernels, compiled
+	@$(SETUP) --extra dev --extra postgres --extra dask --extra logs --extra notify --extra docs
+	$(BIN)/python tools/wheel.py
 
 docs: export NO_MKDOCS_2_WARNING = 1
 docs: python  ## the documents as a site in dist/site, which a running service shows at /help

@@ -25,6 +25,7 @@ from wingwatch.cli.baseline_pages import many
 from wingwatch.cli.baseline_revert import Done, who
 from wingwatch.cli.faults import CommandError
 from wingwatch.cli.flight_watch import OFFLINE
+from wingwatch.cli.kernel_wheel import take_or_say
 from wingwatch.cli.plausible import checked
 from wingwatch.cli.progress import Progress, page
 from wingwatch.cli.surface_travel import surface_travel
@@ -41,6 +42,7 @@ def learn(arguments: argparse.Namespace) -> Done:
     vehicle = None if arguments.vehicle is None else check_name("vehicle", arguments.vehicle)
     selection = Selection(aircraft.name, arguments.configuration, fleet=fleet, vehicle=vehicle)
     digests = _distinct(arguments.flights)
+    take_or_say()
     with open_database(arguments.database) as database:
         ledger = BaselineLedger(database)
         _refuse_known(ledger, selection, digests)

@@ -24,6 +24,7 @@ from wingwatch.estimators import (
     manoeuvres,
     output_error,
 )
+from wingwatch.estimators.ekf.accepted import NOISE
 from wingwatch.monitor import VehicleMonitor
 from wingwatch.telemetry import REQUIRED_CHANNELS, SampleBlock
 from wingwatch.telemetry.conditioning import turbulence_intensity
@@ -82,6 +83,7 @@ def _filter(span_m: float = 1.0) -> None:
         estimator.gust_variance(state, np.array([0]))
         for since_s in (0.8 * samples / _RATE_HZ, np.inf):  # what a change leads to, at its time or later
             estimator.release(state, np.eye(k)[0], 0, since_s)
+        estimator.solve(state, np.array([NOISE]))  # it goes back to what it knew
 
 
 def _level_flight(layout: SignalLayout, moving: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -19,6 +19,7 @@ from typing import Any, Protocol, Self
 
 from wingwatch.api import KernelPart, KernelState, KernelsView
 from wingwatch.cli.kernel_steps import EVERY, STEPS
+from wingwatch.cli.kernel_wheel import take_or_say
 from wingwatch.cli.kernel_worker import LATER
 
 __all__ = ["KernelCompiler", "KernelError", "Preparation", "main", "only_load"]
@@ -338,7 +339,8 @@ def _rounded(seconds: float) -> int:
 
 
 def main() -> int:
-    """Compile everything; 0 where all of it went well."""
+    """Compile everything that did not come compiled; 0 where all of it went well."""
+    take_or_say()
     compiler = KernelCompiler(EVERY)
     began_s = time.monotonic()
     print("[kernels] compiled on the first start, one process a processor, and kept", flush=True)

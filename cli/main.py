@@ -56,6 +56,10 @@ def _run(arguments: argparse.Namespace) -> int:
     # Before numpy is loaded: its matrices are of a dozen rows here, and threads that share one wait for each other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     module = import_module(f"wingwatch.cli.{arguments.command.replace('-', '_')}_command")
+    if "numba" in sys.modules:  # what does not load it has no use for kernels
+        from wingwatch.cli.kernel_wheel import take_or_say
+
+        take_or_say()
     code: int = module.run(arguments)
     return code
 

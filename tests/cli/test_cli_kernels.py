@@ -284,6 +284,7 @@ def test_neither_a_first_sample_nor_a_first_change_has_the_filter_compiled_under
         STEPS[step].run()
     there = {tuple(len(part) for part in signature[0]) for signature in recursion._update_all.signatures}
     assert window.set_checkpoint.by_itself.signatures  # what a reset by a change calls
+    assert window.empty_window.by_itself.signatures  # what quiet flight calls
     present = (*REQUIRED_CHANNELS, "elevator_rad", "aileron_rad", "rudder_rad", "angle_of_attack_rad",
                "sideslip_rad", "airspeed_true_m_s", "altitude_m", "air_density_kg_m3")  # fmt: skip
     needed = set()

@@ -5,11 +5,15 @@ import os
 import stat
 import subprocess
 import sys
+import sysconfig
 import tomllib
 import zipfile
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
+
+from wingwatch.cli.kernel_wheel import ARCHIVE, pack_kernels
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = sorted(p.parent.name for p in ROOT.glob("*/__init__.py") if p.parent.name != "wingwatch")
@@ -28,12 +32,11 @@ def files_of_the_tree() -> list[str]:
     return sorted({name for name in listing.stdout.decode().split("\0") if name and (ROOT / name).is_file()})
 
 
-@pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    target = tmp_path_factory.mktemp("wheel")
+def build(target: Path, **environment: str) -> Path:
     done = subprocess.run(
         [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(target)],
         cwd=ROOT,
+        env={**os.environ, **environment},
         capture_output=True,
         text=True,
         check=False,
@@ -41,6 +44,11 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert done.returncode == 0, done.stderr
     (built,) = target.glob("*.whl")
     return built
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build(tmp_path_factory.mktemp("wheel"))
 
 
 def test_every_package_at_the_top_level_is_linked_relatively() -> None:
@@ -105,6 +113,30 @@ def test_the_wheel_carries_licence_command_and_python_version(wheel: Path) -> No
     assert "Requires-Python: >=3.11" in metadata
     assert "wingwatch = wingwatch.cli.main:main" in scripts
     assert "wingwatch authors" in licence
+
+
+def test_a_wheel_with_compiled_kernels_says_what_it_is_for(wheel: Path, tmp_path: Path) -> None:
+    """As `make wheel` has it built, of an archive without kernels."""
+    package = tmp_path / "package"
+    package.mkdir()
+    pack_kernels(package, tmp_path / "kernels.zip", "x86-64-v3", ("avx2",))
+    switched_on = {
+        "WINGWATCH_COMPILED": str(tmp_path / "kernels.zip"),
+        "HATCH_BUILD_HOOK_ENABLE_CUSTOM": "true",
+    }
+    built = build(tmp_path / "dist", **switched_on)
+    python = f"cp{sys.version_info[0]}{sys.version_info[1]}"
+    system = sysconfig.get_platform().replace("-", "_").replace(".", "_")
+    assert built.name.endswith(f"-{python}-{python}-{system}.whl")
+    assert wheel.name.endswith("-py3-none-any.whl")
+    with zipfile.ZipFile(built) as archive, zipfile.ZipFile(wheel) as plain:
+        assert set(archive.namelist()) - set(plain.namelist()) == {f"wingwatch/{ARCHIVE}"}
+        (folder,) = {n.split("/")[0] for n in archive.namelist() if ".dist-info/" in n}
+        asked = archive.read(f"{folder}/METADATA").decode().splitlines()
+        assert "Root-Is-Purelib: false" in archive.read(f"{folder}/WHEEL").decode()
+        before = plain.read(f"{folder}/METADATA").decode().splitlines()
+    exact = {f"Requires-Dist: {name}=={version(name)}" for name in ("llvmlite", "numba")}
+    assert set(asked) - set(before) == exact
 
 
 def test_the_installed_wheel_imports_from_where_it_was_put(wheel: Path, tmp_path: Path) -> None:
