@@ -9,7 +9,8 @@ handed in once, as the lengths of tuples (``sizes``), and kernels are inlined in
 """
 
 from collections.abc import Callable
-from typing import Any
+from types import FunctionType
+from typing import Any, cast
 
 from numba import njit
 from numba.core.registry import CPUDispatcher
@@ -53,7 +54,7 @@ def compiled(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     def decorate(function: Callable[..., Any]) -> Any:
         dispatcher = njit(**(options | {"cache": True}))(function)
         if isinstance(dispatcher, CPUDispatcher):  # numba may be set to compile nothing
-            vars(dispatcher)["_cache"] = KernelCache(function)
+            vars(dispatcher)["_cache"] = KernelCache(cast(FunctionType, function))
         return dispatcher
 
     return decorate
