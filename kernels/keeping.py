@@ -27,7 +27,7 @@ _digests: dict[int, tuple[FunctionType, bytes]] = {}
 """By the identity of a function, which is held so that nothing else gets it."""
 
 
-class KernelCache(FunctionCache):  # type: ignore[misc]
+class KernelCache(FunctionCache):
     """numba's cache of one kernel, for ``Dispatcher._cache``; numba 0.68 has these two methods."""
 
     def __init__(self, function: FunctionType) -> None:
@@ -40,7 +40,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         return signature, processor, (*own, contents_of(self._function).hex())
 
 
-class _Index(IndexDataCacheFile):  # type: ignore[misc]
+class _Index(IndexDataCacheFile):
     """Its files: what cannot be read any more is as good as absent, and what has been replaced is not kept."""
 
     def _load_index(self) -> Any:
