@@ -35,7 +35,7 @@ from wingwatch.aircraft import LATERAL, SHORT_PERIOD, Provenance, load_aircraft
 from wingwatch.baselines import ExpectationRecord, apriori_envelope, open_database
 from wingwatch.cli.service import running_service
 from wingwatch.cli.settings import ServeSettings
-from wingwatch.estimators import EkfEstimator, FourierEstimator, Signals, Standing
+from wingwatch.estimators import EkfEstimator, FourierEstimator, Signals, Validity
 from wingwatch.monitor import FleetMonitor, VehicleMonitor
 from wingwatch.monitor import fleet as fleet_module
 from wingwatch.monitor.judge import Judge
@@ -73,7 +73,7 @@ STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "signals": ((Signals, "update"), (Signals, "high_passed")),
     "Fourier estimator": ((FourierEstimator, "update"), (FourierEstimator, "solve")),
     "filter": ((EkfEstimator, "update"), (EkfEstimator, "solve"), (EkfEstimator, "release")),
-    "estimates": ((FourierEstimator, "standings"), (EkfEstimator, "standings"), (Standing, "estimate")),
+    "estimates": ((FourierEstimator, "validities"), (EkfEstimator, "validities"), (Validity, "estimate")),
     "test for changes": ((Judge, "consider"),),
     "news": ((VehicleMonitor, "derivatives"), (VehicleMonitor, "view")),
     "all else": ((FleetMonitor, "receive_all"), (FleetMonitor, "tick")),
@@ -162,7 +162,7 @@ def serve(endpoint: str, folder: str, stages: bool, stored: bool, asked: Connect
             for owner, name in places:
                 stack.enter_context(mock.patch.object(owner, name, watch.timed(stage, getattr(owner, name))))
         service = stack.enter_context(running_service(settings))
-        asked.send(service.url if service.pump.wait(COMPILE_S) else None)
+        asked.send(service.url if service.ingest.wait(COMPILE_S) else None)
         while True:
             try:
                 asked.recv()

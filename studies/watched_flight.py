@@ -194,12 +194,12 @@ class WatchedFlight:
         natural = np.ones(mode.expected.size)
         change = change_since(mode.expected, covariance, information, vector, np.outer(bias, bias), natural)
         scale = np.sqrt(
-            np.maximum(np.diagonal(change.weight), 0.0)
+            np.maximum(np.diagonal(change.precision), 0.0)
         )  # what is next to nothing may be rounded below it
         seen = scale > 0.0
         if not seen.any():
             return 0.0, 0.0
-        weight = change.weight[np.ix_(seen, seen)] / np.outer(scale[seen], scale[seen])
-        pull = change.pull[seen] / scale[seen]
-        freedom = float(np.linalg.matrix_rank(weight, tol=_RANK * weight.shape[0], hermitian=True))
-        return float(pull @ np.linalg.pinv(weight, rcond=_RANK, hermitian=True) @ pull), freedom
+        precision = change.precision[np.ix_(seen, seen)] / np.outer(scale[seen], scale[seen])
+        vector = change.score[seen] / scale[seen]
+        freedom = float(np.linalg.matrix_rank(precision, tol=_RANK * precision.shape[0], hermitian=True))
+        return float(vector @ np.linalg.pinv(precision, rcond=_RANK, hermitian=True) @ vector), freedom

@@ -21,7 +21,7 @@ from wingwatch.estimators.batch.manoeuvre import Manoeuvre, ManoeuvreConfig
 from wingwatch.estimators.batch.smoothing import white_noise_std
 from wingwatch.estimators.estimate import Estimate, Outcome
 from wingwatch.estimators.reference import offsets, referred_scale
-from wingwatch.estimators.standing import ConcisePosterior, stand
+from wingwatch.estimators.standing import ConcisePosterior, assess
 
 __all__ = [
     "Equations",
@@ -373,10 +373,10 @@ def finished(
     end = float(parts[-1].time_s[-1])
     informed = np.where(hidden, -np.inf, end)
     posterior = ConcisePosterior(value[None], covariance[None], 3.0 * size[None])
-    standing = stand(
+    validity = assess(
         structure, np.array([end]), posterior, informed[None], np.inf, np.array([True]), condition[None]
     ).of(0)
-    estimate = standing.estimate(name, structure)
+    estimate = validity.estimate(name, structure)
     estimate = _named(_rejected(estimate, [found for found in left_over if found is not None]), hidden)
     fit = Fit(
         channels, correlation(estimate.covariance),

@@ -272,11 +272,11 @@ def test_states_are_saved_every_few_seconds_and_with_news_of_an_alert(flight: Sa
     assert checkpoints.handed_over == [("uav", False)] * 5
     checkpoints.room = False
     flown(hall, flight, 21, KILLED_S)
-    told = sum(alert_event.kind == "alert" for alert_event in hall.fleet.events(0))
-    assert checkpoints.handed_over[5:] == [("uav", True)] * told
+    announced = sum(alert_event.kind == "alert" for alert_event in hall.fleet.events(0))
+    assert checkpoints.handed_over[5:] == [("uav", True)] * announced
     alert = hall.fleet.alerts()[0]
     hall.fleet.act_on_alert(alert.id, AlertAction.ACKNOWLEDGE, "me", "")
-    assert checkpoints.handed_over[5:] == [("uav", True)] * (told + 1)
+    assert checkpoints.handed_over[5:] == [("uav", True)] * (announced + 1)
     flown(hall, flight, KILLED_S, KILLED_S + 1)
     assert [saved.vehicle for saved in hall.fleet.unsaved()] == ["uav"]
     assert list(hall.fleet.unsaved()) == []
