@@ -76,22 +76,23 @@ def test_the_index_names_every_document() -> None:
     assert set(DOCS.rglob("*.md")) - linked_from(index) - linked_from(of_decisions) == {index}
 
 
-@pytest.mark.parametrize("page", sorted(DECISIONS.glob("0*.md")), ids=named)
+@pytest.mark.parametrize("page", sorted(DECISIONS.rglob("0*.md")), ids=named)
 def test_a_decision_says_whether_it_is_in_force_as_the_index_does(page: Path) -> None:
-    """First line after the title: in force, in force in part with the decision that replaces the rest, or replaced."""
+    """First line after the title: in force, in force in part with the page that replaces the rest, or replaced."""
     _, empty, status = page.read_text().split("\n")[:3]
     said = re.match(r"\*\*Status\.\*\* (In force in part|In force|Replaced by)", status)
     assert not empty
     assert said
     (row,) = re.findall(
-        rf"^\| \[{page.name[:4]}\]\({page.name}\) \| .* \| (.*) \|$",
+        rf"^\| \[{page.name[:4]}\]\({page.relative_to(DECISIONS)}\) \| .* \| (.*) \|$",
         (DECISIONS / "README.md").read_text(),
         re.M,
     )
     assert row.lower().startswith(said.group(1).lower())
-    others = set(re.findall(r"\((0\d{3}-[^)]*\.md)\)", row))
-    assert others <= set(re.findall(r"\((0\d{3}-[^)]*\.md)\)", status))
+    others = set(re.findall(r"([\w-]+\.md)\)", row))
+    assert others <= set(re.findall(r"([\w-]+\.md)\)", status))
     assert bool(others) == (said.group(1) != "In force")
+    assert (page.parent.name == "replaced") == said.group(1).startswith("Replaced")
 
 
 @pytest.mark.parametrize("name", ["options.md", "operations.md"])
