@@ -23,7 +23,10 @@ CODE = sorted(
 )
 
 METHODS = {page.name: page.read_text() for page in sorted((DOCS / "methods").glob("*.md"))}
-PACKAGES_WITH_EQUATIONS = ("diagnosis", "estimators", "monitor", "studies")
+PACKAGES_WITH_EQUATIONS = (
+    *("aircraft", "baselines", "diagnosis", "estimators", "input_design", "monitor", "simulation", "studies"),
+    *("telemetry", "tests"),
+)
 
 EQUATION = re.compile(r"^ {4,}\S.*\((\d+[a-e]?)\)$|\\tag\{(\d+)\}", re.MULTILINE)
 POINTER = re.compile(r"(?<![\w.\])])\((\d{1,2}[a-e]?)\)")
@@ -175,16 +178,23 @@ def test_equations_are_numbered_in_order(page: str) -> None:
     assert found == sorted(set(found), key=lambda n: (int(n.rstrip("abcde")), n))
 
 
-@pytest.mark.parametrize("page", METHODS)
-def test_pointers_between_method_pages_name_equations(page: str) -> None:
-    """The page and the section that are named with a number have the equation."""
-    text = re.sub(r"\s+", " ", METHODS[page])
+SECTION_POINTER = re.compile(r"(\w+\.md)\)?,? sections? ((?:\d+[a-z]?(?:, | and | to )?)+)")
+
+
+def test_pointers_to_method_pages_name_equations_and_sections() -> None:
+    """On every page: what is named with a number is there; a replaced decision keeps the numbers of its time."""
     wrong = []
-    for target, section, numbers in PAGE_POINTER.findall(text):
-        for number in re.findall(r"\d+[a-e]?", numbers):
-            there = section_with(target, number)
-            if there is None or (section and section != there):
-                wrong.append(f"{target} {section} ({number})")
+    for page in (page for page in PAGES if page.parent.name != "replaced"):
+        text = re.sub(r"\s+", " ", page.read_text())
+        for target, section, numbers in PAGE_POINTER.findall(text):
+            for number in re.findall(r"\d+[a-e]?", numbers):
+                there = section_with(target, number)
+                if there is None or (section and section != there):
+                    wrong.append(f"{named(page)}: {target} {section} ({number})")
+        for target, sections in SECTION_POINTER.findall(text):
+            there_are = set(re.findall(r"^## (\d+[a-z]?)\.", METHODS.get(target, ""), re.MULTILINE))
+            if target in METHODS and not set(re.findall(r"\d+[a-z]?", sections)) <= there_are:
+                wrong.append(f"{named(page)}: {target}, sections {sections}")
     assert not wrong
 
 
