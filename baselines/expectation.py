@@ -155,7 +155,7 @@ def concise(
     aircraft: Aircraft,
     condition: FlightCondition,
 ) -> tuple[Array, Array]:
-    """Inverse of ``american``."""
+    """Inverse of ``american``: values (k,) and covariance (k, k) from American to concise units at the condition."""
     scale, offset = affine(structure, aircraft, condition, Convention.AMERICAN)
     return scale * value + offset, covariance * (scale[:, None] * scale)
 

@@ -365,7 +365,10 @@ class Supervisor:
             state.put(np.array([lane.place]), saved[name])
 
     def resume(self, lane: Lane, structure: str, information: Array, vector: Array) -> None:
-        """The Fourier estimator of a structure goes on from a memory instead of from its closed blocks."""
+        """The Fourier estimator of a structure continues from a memory instead of from its closed blocks.
+
+        ``information`` (k, k), ``vector`` (k,): J and h of the derivatives at the reference.
+        """
         state = self._states[structure].fourier
         self.pairs[structure].fourier.resume(state, information, vector, lane.place)
 

@@ -159,8 +159,9 @@ def correlation(covariance: Array) -> Array:
 def correlated_pairs(
     structure: ModeStructure, correlations: Array, threshold: float = 0.9
 ) -> tuple[tuple[str, str, float], ...]:
-    """Pairs of derivatives that the data hardly tell apart, |correlation| at least ``threshold``, worst first.
+    """Pairs of derivatives that the data hardly distinguish, |correlation| at least ``threshold``, worst first.
 
+    ``correlations``: of k derivatives, (k, k), no unit.
     0.9 is the guideline of Tischler and Remple (2006) that thesis 5.4.1 quotes.
     """
     names = structure.derivatives

@@ -180,7 +180,7 @@ class FlightColumns:
     condition: Array
 
     def rows(self, which: slice | NDArray[np.bool_]) -> "FlightColumns":
-        """Some of the samples."""
+        """Some of the samples: a slice, or a mask of shape (samples,)."""
         return FlightColumns(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
 
 
@@ -246,7 +246,8 @@ def _manoeuvre(config: ManoeuvreConfig, rows: FlightColumns) -> Manoeuvre:
 
 
 def signal_columns(structure: ModeStructure, reference: tuple[float, float], rows: Array) -> FlightColumns:
-    """Signal rows as columns; the kinematic term is split into what multiplies the states and the rest."""
+    """Signal rows (samples, columns of ``SignalLayout``) as columns; the kinematic term is split into what multiplies
+    the states and the rest. ``reference``: airspeed in m/s and density in kg/m3 that derivatives refer to."""
     layout = SignalLayout(len(structure.states), len(structure.inputs))
     ns, c = layout.states, layout.kinematic
     pressure, airspeed, density, altitude, alpha = rows[:, c + 1 : c + 6].T

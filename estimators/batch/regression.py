@@ -192,7 +192,8 @@ def common_forces(parts: Sequence[Manoeuvre]) -> NDArray[np.bool_]:
 
 
 def equations(part: Manoeuvre, forces: NDArray[np.bool_], drift: bool) -> Equations:
-    """The equations of a manoeuvre: those of ``forces`` by accelerometer, the others by the state's derivative."""
+    """The equations of a manoeuvre: those of ``forces`` (equations,) by accelerometer, the others by the state's
+    derivative; ``drift``: with a term that grows with time."""
     s = part.config.structure
     ne, ns = len(s.equations), len(s.states)
     rates = np.where(forces[:, None], part.config.lever_m, np.eye(ne, ns))
@@ -205,7 +206,7 @@ def equations(part: Manoeuvre, forces: NDArray[np.bool_], drift: bool) -> Equati
 
 
 def equation_names(config: ManoeuvreConfig, forces: NDArray[np.bool_]) -> list[str]:
-    """What each equation's left side is called: ``a_z`` or ``dw/dt``, ``dq/dt`` and so on."""
+    """Name of each equation's left side: ``a_z`` where ``forces`` (equations,) is true, else ``dw/dt`` and so on."""
     s = config.structure
     return [
         f"a_{row}" if by_accelerometer else f"d{state}/dt"
@@ -231,7 +232,9 @@ def sensor_noise(parts: Sequence[Manoeuvre], forces: NDArray[np.bool_]) -> Array
 
 
 def stated_noise(parts: Sequence[Manoeuvre], forces: NDArray[np.bool_], noise_std: Sequence[float]) -> Array:
-    """Variances as ``sensor_noise`` gives them, from ``noise_std`` where that is not empty.
+    """Variances as of ``sensor_noise``, (states + equations + inputs,), from ``noise_std`` if that is not empty.
+
+    ``noise_std``: standard deviations in the channels' SI units, in this order.
 
     Raises:
         ValueError: another number of entries.
@@ -248,7 +251,7 @@ def stated_noise(parts: Sequence[Manoeuvre], forces: NDArray[np.bool_], noise_st
 
 
 def noise_model(part: Manoeuvre, eq: Equations, s: Complex) -> NoiseModel:
-    """How the regressors' and the equations' noise come of the sensors' at s = j omega."""
+    """How the regressors' and the equations' noise follow from the sensors' at s = j omega, rad/s, (bins,)."""
     (ne, ns), width = eq.rates.shape, part.regressor_scale.size
     noises = ns + ne + width - ns
     heard = np.zeros((s.size, width, noises), dtype=np.complex128)
@@ -354,9 +357,9 @@ def finished(
 ) -> tuple[Estimate, Fit]:
     """Estimate and statistics from referred derivatives and their covariances.
 
-    A derivative is converged, settling or not observable as online (``standing``); ``natural`` is its
+    A derivative is converged, settling or not observable as online (``standing``); ``natural`` (k,) is its
     natural size (its own value where None), and ``left_over`` what rejects derivatives because the model does not
-    hold.
+    hold. ``noise_std``: by channel, in SI units.
     """
     config = parts[0].config
     structure = config.structure

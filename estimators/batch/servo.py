@@ -94,7 +94,10 @@ def moved(command: Array, time_s: Array, bandwidth_rad_s: float, max_gap_s: floa
 
 
 def ahead(position: Array, time_s: Array, bandwidth_rad_s: float) -> Array:
-    """Positions whose line has the servo's mean over every step but for second order: x + (s - 1/2) dt x'."""
+    """Positions (n,), rad, whose line has the servo's mean over every step but for second order: x + (s - 1/2) dt x'.
+
+    ``position`` in rad and ``time_s``: (n,).
+    """
     dt = float(np.median(np.diff(time_s)))
     slope = np.gradient(position, time_s)
     return np.asarray(position + lead_steps(bandwidth_rad_s, dt) * dt * slope)

@@ -55,7 +55,7 @@ class SineSeries:
 
     @property
     def frequency_hz(self) -> Array:
-        """Frequency of each term (6.17)."""
+        """Frequency of each term in Hz, (samples - 2,) (6.17)."""
         return np.arange(1, self.samples - 1) / (2.0 * (self.samples - 1) * self.dt)
 
     def cutoff_hz(self, noise_std: float) -> float:

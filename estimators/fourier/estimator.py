@@ -282,7 +282,7 @@ class FourierEstimator:
 
         Args:
             state: in place.
-            places: the vehicles, each once; all if not given.
+            places: the vehicles, each once, shape (m,); all if not given.
         """
         places = np.arange(len(state.theta)) if places is None else places
         lanes = Lanes(places, np.zeros(places.size, dtype=np.int64))
@@ -312,8 +312,8 @@ class FourierEstimator:
     def follow_changes(
         self, state: FourierState, yes: bool | NDArray[np.bool_], places: NDArray[np.int64] | None = None
     ) -> None:
-        """Whether changes of some vehicles, or all, are looked for; not where the caller knows that the model leaves
-        out what acts."""
+        """Whether changes of the vehicles ``places`` (m,), or of all, are looked for; not where the caller knows of
+        something that acts and is not modelled. ``yes``: a scalar or (m,)."""
         state.follows[slice(None) if places is None else places] = yes
 
     def blocks_closed(self, state: FourierState, places: NDArray[np.int64]) -> NDArray[np.int64]:

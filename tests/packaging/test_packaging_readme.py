@@ -60,7 +60,9 @@ PAGES = sorted(
 
 
 def test_tables_and_paragraphs_name_their_output() -> None:
-    assert {"limits.md", "real_flight.md", "simulation.md", "library_study.md"} <= {page for page, *_ in PAGES}
+    assert {"limits.md", "real_flight.md", "simulation.md", "library_study.md"} <= {
+        page for page, *_ in PAGES
+    }
     assert any(not text.startswith("|") for *_, text in PAGES)
 
 
