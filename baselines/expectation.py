@@ -324,7 +324,7 @@ class Envelope:
         )
 
     def values_at(self, conditions: Sequence[FlightCondition]) -> tuple[Array, Array]:
-        """What ``lookup`` finds at m conditions: value (m, k) and covariance (m, k, k), NaN where nothing."""
+        """What ``lookup`` finds at m conditions, concise: value (m, k) and covariance (m, k, k), NaN where nothing."""
         k = len(self.structure.derivatives)
         value, covariance = np.full((len(conditions), k), np.nan), np.full((len(conditions), k, k), np.nan)
         here = [m for m, c in enumerate(conditions) if c.configuration == self.configuration]

@@ -111,7 +111,7 @@ def nominal_condition(aircraft: Aircraft) -> FlightCondition | None:
 
 
 def condition_of(found: tuple[float, float, float, float], configuration: str) -> FlightCondition | None:
-    """Airspeed, altitude, density and angle of attack as a flight condition; None where they are none.
+    """Airspeed m/s, altitude m, density kg/m3 and angle of attack rad as a flight condition; None if impossible.
 
     A filter that has started anew has no condition, and an airspeed that is carried on by accelerometers at their
     limits may become negative.
@@ -320,7 +320,10 @@ class Chain:
         return self._air.pending(state.air)
 
     def resume(self, state: ChainState, structure: str, information: Array, vector: Array) -> None:
-        """The Fourier estimator of a structure goes on from a memory instead of from its closed blocks."""
+        """The Fourier estimator of a structure continues from a memory instead of from its closed blocks.
+
+        ``information`` (k, k), ``vector`` (k,): J and h of the derivatives at the reference, concise.
+        """
         self.supervisor.resume(state.lane, structure, information, vector)
 
 

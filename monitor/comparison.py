@@ -71,11 +71,11 @@ class Conversion(NamedTuple):
     shift: Array
 
     def from_concise(self, value: Array, covariance: Array) -> tuple[Array, Array]:
-        """A value (k,) and its covariance (k, k) in these coordinates."""
+        """A concise value (k,) and its covariance (k, k) in these coordinates."""
         return (value - self.offset) / self.scale, covariance / self._both
 
     def to_concise(self, value: Array, covariance: Array) -> tuple[Array, Array]:
-        """Inverse of ``from_concise``."""
+        """Inverse of ``from_concise``: a concise value (k,) and its covariance (k, k)."""
         return self.scale * value + self.offset, covariance * self._both
 
     @property
@@ -84,12 +84,12 @@ class Conversion(NamedTuple):
         return self.scale[..., :, None] * self.scale[..., None, :]
 
     def of_evidence(self, information: Array, vector: Array) -> tuple[Array, Array]:
-        """Information (k, k) and vector (k,) about referred derivatives, in these coordinates."""
+        """Information (k, k) and vector (k,) about referred (concise) derivatives, in these coordinates."""
         both = self.slope[:, None] * self.slope
         return information * both, self.slope * (vector - information @ self.shift)
 
     def to_evidence(self, information: Array, vector: Array) -> tuple[Array, Array]:
-        """Inverse of ``of_evidence``: information (k, k) and vector (k,) about referred derivatives."""
+        """Inverse of ``of_evidence``: information (k, k) and vector (k,) about referred (concise) derivatives."""
         known = information / (self.slope[:, None] * self.slope)
         return known, vector / self.slope + known @ self.shift
 

@@ -455,7 +455,11 @@ class FleetMonitor:
     def expected(
         self, fleet: str, vehicle: str, structure: str, aircraft: tuple[str, str], conditions: Array
     ) -> tuple[Array, Array] | None:
-        """What is expected now of a structure at conditions that were flown (``MonitorPort``)."""
+        """Present expectation of a structure at m flown conditions (``MonitorPort``).
+
+        ``conditions`` (m, 4): airspeed m/s, altitude m, density kg/m3, angle of attack rad. Gives value and standard
+        error, concise, (m, k) each; None without an expectation.
+        """
         with self._lock:
             known = self._vehicles.get((fleet, vehicle))
         # Without the lock: expectations and what flights taught are replaced, never changed.

@@ -80,7 +80,7 @@ class JudgeConfig:
 
     @property
     def log_threshold(self) -> float:
-        """Of the Shiryaev-Roberts statistic: blocks in the false alert interval."""
+        """Natural logarithm of the Shiryaev-Roberts threshold: the number of blocks in the false alert interval."""
         return float(np.log(self.false_alert_interval_h * 3600.0 / self.block_s))
 
 
@@ -287,8 +287,8 @@ class Judge:
     def before(
         self, state: JudgeState, name: str, onset: int, estimator: int = FOURIER
     ) -> tuple[Array, Array]:
-        """Information and vector of the vehicle's own flight before a block, earlier flights included, as an estimator
-        has them."""
+        """Information (k, k) and vector (k,) of the vehicle's own flight before a block and of earlier flights, by an
+        estimator."""
         reference = (state.references if estimator == FOURIER else state.by_filter)[name]
         information, vector = reference.information.copy(), reference.vector.copy()
         for block in state.blocks[:onset]:

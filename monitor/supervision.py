@@ -367,7 +367,7 @@ class Supervisor:
     def resume(self, lane: Lane, structure: str, information: Array, vector: Array) -> None:
         """The Fourier estimator of a structure continues from a memory instead of from its closed blocks.
 
-        ``information`` (k, k), ``vector`` (k,): J and h of the derivatives at the reference.
+        ``information`` (k, k), ``vector`` (k,): J and h of the derivatives at the reference, concise.
         """
         state = self._states[structure].fourier
         self.pairs[structure].fourier.resume(state, information, vector, lane.place)

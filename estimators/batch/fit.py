@@ -150,7 +150,7 @@ def channel_fit(
 
 
 def correlation(covariance: Array) -> Array:
-    """Pair-wise correlation from a covariance (5.27), (k, k); NaN where a variance is not positive and finite."""
+    """Pair-wise correlation, a ratio, from a covariance (5.27), (k, k); NaN without a positive, finite variance."""
     variance = np.diagonal(covariance)
     std = np.sqrt(np.where((variance > 0.0) & np.isfinite(variance), variance, np.nan))
     return np.asarray(covariance / np.outer(std, std))

@@ -125,12 +125,12 @@ class Manoeuvre:
 
     @property
     def regressors(self) -> Array:
-        """Columns that the referred derivatives multiply, (n, states + inputs): scaled states, then inputs."""
+        """Columns that the referred derivatives multiply, (n, states + inputs): scaled states, inputs; SI units."""
         return np.column_stack([self.states * self.stability[:, None], self.inputs * self.control[:, None]])
 
     @property
     def regressor_scale(self) -> Array:
-        """Mean factor of each column of ``regressors``, (states + inputs,)."""
+        """Mean factor of each column of ``regressors``, (states + inputs,), a ratio to the reference condition."""
         means = float(self.stability.mean()), float(self.control.mean())
         return np.repeat(means, [self.states.shape[1], self.inputs.shape[1]])
 

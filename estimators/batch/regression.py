@@ -75,7 +75,7 @@ class NoiseModel:
     left: Complex
 
     def residual(self, scaled: Array) -> Complex:
-        """L of e = L n for derivatives times the regressors' scale, (equations, regressors)."""
+        """L of e = L n for concise derivatives times the regressors' scale, (equations, regressors)."""
         return np.asarray(self.left - scaled @ self.heard)
 
 
@@ -216,7 +216,7 @@ def equation_names(config: ManoeuvreConfig, forces: NDArray[np.bool_]) -> list[s
 
 def sensor_noise(parts: Sequence[Manoeuvre], forces: NDArray[np.bool_]) -> Array:
     """Variances of white noise of states, accelerometers and inputs, (states + equations + inputs,), each from
-    its third differences.
+    its third differences, in the squares of the channels' SI units.
 
     A reconstructed velocity is an integral and has none; an accelerometer that is not used and a held input have 0.
     """
@@ -275,7 +275,7 @@ def noise_names(config: ManoeuvreConfig) -> list[str]:
 
 
 def plain_start(parts: Sequence[Manoeuvre]) -> Array:
-    """Referred derivatives by plain least squares on central differences, (k,): a start for what iterates."""
+    """Referred derivatives, concise, by plain least squares on central differences, (k,): a start for iterations."""
     config = shared_config(parts)
     ne = len(config.structure.equations)
     forces = common_forces(parts)

@@ -70,7 +70,7 @@ def busiest_cutoff_hz(parts: Sequence[Manoeuvre]) -> float:
 
 
 def passed(columns: Array, dt: float, cutoff_hz: float, stretch: Array | None = None) -> Array:
-    """Every column through the smoothing; ``stretch`` (columns, n - 2) multiplies the gains."""
+    """Every column, of samples ``dt`` s apart, smoothed; ``stretch`` (columns, n - 2) multiplies the gains."""
     out = np.empty_like(columns)
     for j in range(columns.shape[1]):
         series = sine_series(columns[:, j], dt)

@@ -135,7 +135,8 @@ class Sensitivities:
 
 
 def evaluate(problem: Problem, p: Array) -> Evaluation | None:
-    """The likelihood at p; None where the motion would grow without bounds or nothing finite comes out."""
+    """The likelihood at parameters p (size,) of ``FilterModel.layout``; None where the motion would grow without bounds
+    or the result is not finite."""
     model = problem.model
     if any(model.growth(p, w) > _FASTEST_GROWTH for w in problem.windows):
         return None
@@ -250,7 +251,7 @@ def _least_squares(columns: Array, trace: Trace) -> Array:
 
 
 def information_inverse(matrix: Array) -> Array:
-    """Pseudo-inverse of an information matrix whose entries have different units."""
+    """Pseudo-inverse of an information matrix (n, n) whose entries have different units."""
     diagonal = np.diagonal(matrix)
     scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, np.inf))
     return np.asarray(

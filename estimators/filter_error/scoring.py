@@ -140,7 +140,10 @@ class _Slope:
 
 
 def climb(problem: Problem, start: Array, iterations: int = 40) -> Solution | None:
-    """Fisher scoring from one start; None where the likelihood cannot be evaluated there."""
+    """Fisher scoring from one start (size,); None where the likelihood cannot be evaluated there.
+
+    ``iterations``: largest number of steps.
+    """
     point = evaluate(problem, start)
     if point is None:
         return None

@@ -102,7 +102,7 @@ class Reference:
     air: Array = field(default_factory=lambda: np.zeros(len(FLOW)))
 
     def parameters(self, variance: Array) -> Array:
-        """The constant part as it is known, (rows, COLUMNS); ``variance`` of e2/S."""
+        """The constant part as it is known, (rows, COLUMNS); ``variance`` of e2/S, a ratio."""
         scale = 1.0 / (variance * self.scatter)
         known = PRIOR_INFORMATION[..., None] * np.eye(COLUMNS) + self.information * scale[:, None, None]
         return np.asarray(np.linalg.solve(known, (self.vector * scale[:, None])[..., None])[..., 0])
@@ -112,7 +112,7 @@ class Reference:
         self.information[row], self.vector[row] = 0.0, 0.0
 
     def changed_air(self, drift: Array) -> float:
-        """0 to 1, a fraction: how much the air of these drifts (relations of ``FLOW``,) differs from the known one."""
+        """0 to 1, a fraction: how much the air of these drifts, shape (relations,), differs from the known one."""
         if self.air_s == 0.0:
             return 0.0
         apart = float(np.max(np.abs(np.log(drift) - self.air / self.air_s))) ** 2
@@ -151,7 +151,7 @@ class Changes(NamedTuple):
 
 
 def closed(segment: Segment, start_s: float, seconds: float) -> Closed:
-    """A segment as it is remembered; both triangles of its information are filled."""
+    """A segment from ``start_s`` on for ``seconds``, as remembered; both triangles of its information are filled."""
     lower = segment.information
     full = lower + np.swapaxes(np.tril(lower, -1), -1, -2)
     samples, square, products, decay, log_s = (segment.scalar[:, k].copy() for k in range(5))

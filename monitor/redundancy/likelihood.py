@@ -183,7 +183,7 @@ def _student(q, n, nu):  # type: ignore[no-untyped-def]
 
 @whole_entry
 def most_gained(information, vector, square, samples, at_rest, nu):  # type: ignore[no-untyped-def]
-    """Log-likelihood by onset and row where every direction is free, (m, rows)."""
+    """Log-likelihood, in nats, by onset and row where every direction is free, (m, rows)."""
     m, rows, c = vector.shape
     out, a, b = np.empty((m, rows)), np.empty((c, c)), np.empty(c)
     for onset in range(m):

@@ -189,7 +189,7 @@ class _Signals(NamedTuple):
 
 
 def new_memory(drift: Array) -> Memory:
-    """Before the first sample; ``drift`` (rows,) as it is stated."""
+    """Before the first sample; ``drift`` (rows,) as stated by the model, in units of each relation."""
     scalar = np.zeros((_ROWS, CHANGES + 1))
     scalar[:, DRIFT] = drift
     scalar[:, _READING] = np.nan
