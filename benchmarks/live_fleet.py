@@ -57,9 +57,9 @@ FLIGHTS = 32
 """Different flights; further vehicles repeat them."""
 COMPILE_S, PATIENCE_S, ARRIVE_S = 300.0, 30.0, 1.0
 ASK_EVERY_S, FLEET_EVERY_S = 0.1, 2.0
-PUMP = "wingwatch-pump"
+INGEST = "wingwatch-pump"
 THREADS = (
-    PUMP,
+    INGEST,
     "wingwatch-subscriber",
     "wingwatch-http",
     "wingwatch-outputs",
@@ -93,7 +93,7 @@ class Stopwatch:
 
         @functools.wraps(work)
         def timing(*arguments: Any, **named: Any) -> Any:
-            if threading.current_thread().name != PUMP:
+            if threading.current_thread().name != INGEST:
                 return work(*arguments, **named)
             self._inner_s.append(0.0)
             begin_s = time.thread_time()
@@ -446,7 +446,7 @@ def main() -> None:
     rest = [run.all_us - sum(run.threads_us.get(t, 0.0) for t in THREADS) for run in runs]
     print(f"{'REST, Zenoh and else':>21}" + "".join(f"{us:9.1f}" for us in rest))
     if arguments.stages:
-        print(f"\nof these {PUMP} by stage")
+        print(f"\nof these {INGEST} by stage")
         for stage in STAGES:
             print(f"{stage:>21}" + "".join(f"{run.stages_us[stage]:9.1f}" for run in runs))
     for run in runs:

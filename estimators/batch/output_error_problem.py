@@ -179,7 +179,7 @@ def input_noise_effect(problem: Problem, point: Point) -> tuple[Array, Array]:
     c, ns = problem.common, problem.parts[0].states.shape[1]
     for part, used in zip(problem.parts, problem.used, strict=True):
         steps = min(len(part), math.ceil(_MEMORY_S / part.dt))
-        heard = weight * used.any(axis=0)
+        channel_weight = weight * used.any(axis=0)
         for j in np.flatnonzero(problem.input_noise):
             out, sensitivity = np.empty((steps, weight.size)), np.empty((steps, weight.size, c + problem.own))
             inputs = np.zeros((steps, problem.input_noise.size))
@@ -194,8 +194,10 @@ def input_noise_effect(problem: Problem, point: Point) -> tuple[Array, Array]:
             respond(theta, own, problem.drift, accelerometers, pulse, out, sensitivity)
             often = problem.input_noise[j] * (len(part) - np.arange(steps))
             slopes = sensitivity[:, :, :c]
-            vector[:c] += np.einsum("l,lcp,c,lc->p", often, slopes, heard, out, optimize=True)
-            matrix[:c, :c] += np.einsum("l,lcp,c,lcq->pq", often, slopes, heard, slopes, optimize=True)
+            vector[:c] += np.einsum("l,lcp,c,lc->p", often, slopes, channel_weight, out, optimize=True)
+            matrix[:c, :c] += np.einsum(
+                "l,lcp,c,lcq->pq", often, slopes, channel_weight, slopes, optimize=True
+            )
     return matrix, vector
 
 

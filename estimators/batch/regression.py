@@ -63,20 +63,20 @@ class NoiseModel:
     """Noise of both sides of the equations from that of states, accelerometers and inputs, by frequency.
 
     Attributes:
-        heard: of the regressors, (bins, states + inputs, noises): a sensor's own each, but a reconstructed velocity's
-            is the integral of that of the accelerometer and of the measured rates in its kinematics (7.2). (What the
-            ends of the integral add is a drift.)
+        of_regressors: (bins, states + inputs, noises): a sensor's own each, but a reconstructed velocity's is the
+            integral of that of the accelerometer and of the measured rates in its kinematics (7.2). (What the ends of
+            the integral add is a drift.)
         plain: how y answers to errors of the states, (bins, equations, states).
         left: of y, (bins, equations, noises).
     """
 
-    heard: Complex
+    of_regressors: Complex
     plain: Complex
     left: Complex
 
     def residual(self, scaled: Array) -> Complex:
         """L of e = L n for concise derivatives times the regressors' scale, (equations, regressors)."""
-        return np.asarray(self.left - scaled @ self.heard)
+        return np.asarray(self.left - scaled @ self.of_regressors)
 
 
 _LARGE, _TELLING = 0.1, 1.5
@@ -254,18 +254,18 @@ def noise_model(part: Manoeuvre, eq: Equations, s: Complex) -> NoiseModel:
     """How the regressors' and the equations' noise follow from the sensors' at s = j omega, rad/s, (bins,)."""
     (ne, ns), width = eq.rates.shape, part.regressor_scale.size
     noises = ns + ne + width - ns
-    heard = np.zeros((s.size, width, noises), dtype=np.complex128)
-    heard[:, range(width), [*range(ns), *range(ns + ne, noises)]] = 1.0
+    of_regressors = np.zeros((s.size, width, noises), dtype=np.complex128)
+    of_regressors[:, range(width), [*range(ns), *range(ns + ne, noises)]] = 1.0
     for i in np.flatnonzero(~part.measured & np.pad(eq.forces, (0, ns - ne))):
         turn = part.known[:, i].mean(axis=0)
         turn[i] = 0.0
-        heard[:, i] = 0.0
-        heard[:, i, :ns] = turn / s[:, None]
-        heard[:, i, ns + i] = 1.0 / s
+        of_regressors[:, i] = 0.0
+        of_regressors[:, i, :ns] = turn / s[:, None]
+        of_regressors[:, i, ns + i] = 1.0 / s
     plain = s[:, None, None] * eq.rates + eq.gain
-    left = plain @ heard[:, :ns]
+    left = plain @ of_regressors[:, :ns]
     left[:, np.arange(ne), ns + np.arange(ne)] += eq.forces
-    return NoiseModel(heard, plain, left)
+    return NoiseModel(of_regressors, plain, left)
 
 
 def noise_names(config: ManoeuvreConfig) -> list[str]:

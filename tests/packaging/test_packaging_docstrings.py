@@ -37,8 +37,10 @@ def test_public_functions_state_shapes_and_units(tool: ModuleType, package: str)
     assert len(without_units) <= (1.0 - units) * sum(one.numbers for one in found), without_units
 
 
-def test_a_docstring_without_shape_or_unit_is_found(tool: ModuleType, tmp_path: Path) -> None:
-    tool.ROOT = tmp_path
+def test_a_docstring_without_shape_or_unit_is_found(
+    tool: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tool, "ROOT", tmp_path)
     module = tmp_path / "module.py"
     module.write_text(
         '__all__ = ["bad", "good"]\n\n'
@@ -48,4 +50,3 @@ def test_a_docstring_without_shape_or_unit_is_found(tool: ModuleType, tmp_path: 
     bad, good = tool.documented(module)
     assert (bad.shapes, bad.units) == (False, False)
     assert (good.shapes, good.units) == (True, True)
-    tool.ROOT = ROOT

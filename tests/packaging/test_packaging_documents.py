@@ -230,6 +230,34 @@ def test_modules_that_a_method_page_names_are_there(page: str) -> None:
     assert not {name for name in names if not any(f"/{path}".endswith(f"/{name}") for path in there)}
 
 
+def names_in(path: Path) -> set[str]:
+    """Names of a module's variables, attributes, arguments, functions and classes."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        found |= {
+            str(getattr(node, field)) for field in ("id", "attr", "arg", "name") if hasattr(node, field)
+        }
+    return found
+
+
+PRIVATE_NAMES = re.compile(
+    r"_*(?:(?:un)?told(?:_.*)?|.*_told|hangar|pump(?:_.*)?|blame|standings|echo(?:es)?(?:_.*)?|pull|unrest|deaf_.*)",
+    re.IGNORECASE,
+)
+"""Identifiers that were this project's own; names of files that are to move, and of tests, stay as they are."""
+
+
+def test_identifiers_are_the_field_s_words() -> None:
+    private = [
+        f"{path.relative_to(ROOT)}: {name}"
+        for path in (*CODE, *sorted((ROOT / "benchmarks").glob("*.py")))
+        if not path.name.startswith("test_") and path.parts[-2] not in ("packaging",)
+        for name in names_in(path)
+        if PRIVATE_NAMES.fullmatch(name)
+    ]
+    assert not private
+
+
 @pytest.mark.parametrize("page", METHODS)
 def test_methods_speak_the_field_s_words(page: str) -> None:
     assert not PRIVATE.findall(METHODS[page])
