@@ -86,10 +86,10 @@ def _pitch_gravity(
     condition: FlightCondition, aircraft: Aircraft | None, pitch: float
 ) -> NDArray[np.float64]:
     """(x_theta, z_theta, m_theta)."""
-    pull = -GRAVITY_M_S2 * np.array([math.cos(pitch), math.sin(pitch), 0.0])
+    gravity = -GRAVITY_M_S2 * np.array([math.cos(pitch), math.sin(pitch), 0.0])
     if aircraft is None or aircraft.mass is None:
-        return pull
-    weight = aircraft.mass.mass_kg * pull
+        return gravity
+    weight = aircraft.mass.mass_kg * gravity
     return np.asarray(
         np.linalg.solve(longitudinal_mass_matrix(aircraft, condition), weight), dtype=np.float64
     )

@@ -67,14 +67,14 @@ class DiagnosisStreams:
         self._open += 1
         try:
             yield b"retry: 2000\n\n"
-            told, quiet_since = b"", self._clock()
+            sent, quiet_since = b"", self._clock()
             while not self._over() and holds():
                 view = await run_in_threadpool(look)
                 if view is None:
                     return
                 now = b"event: diagnosis\ndata: %s\n\n" % encode_json(document(view))
-                if now != told:
-                    told, quiet_since = now, self._clock()
+                if now != sent:
+                    sent, quiet_since = now, self._clock()
                     yield now
                 elif self._clock() - quiet_since >= _KEEP_ALIVE_S:
                     quiet_since = self._clock()

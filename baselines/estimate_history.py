@@ -47,7 +47,7 @@ class OpenFlight:
 def append(
     session: Session, rows: Sequence[tuple[EstimateRecord, float]], known: dict[_Owner, OpenFlight]
 ) -> dict[_Owner, OpenFlight]:
-    """Store estimates with their wall clock; the same again changes nothing.
+    """Store estimates with their wall clock (seconds since 1970); the same again changes nothing.
 
     Returns the flights as they stand once this is committed.
     """

@@ -155,7 +155,7 @@ def concise(
     aircraft: Aircraft,
     condition: FlightCondition,
 ) -> tuple[Array, Array]:
-    """Inverse of ``american``."""
+    """Inverse of ``american``: values (k,) and covariance (k, k) from American to concise units at the condition."""
     scale, offset = affine(structure, aircraft, condition, Convention.AMERICAN)
     return scale * value + offset, covariance * (scale[:, None] * scale)
 
@@ -324,7 +324,7 @@ class Envelope:
         )
 
     def values_at(self, conditions: Sequence[FlightCondition]) -> tuple[Array, Array]:
-        """What ``lookup`` finds at m conditions: value (m, k) and covariance (m, k, k), NaN where nothing."""
+        """What ``lookup`` finds at m conditions, concise: value (m, k) and covariance (m, k, k), NaN where nothing."""
         k = len(self.structure.derivatives)
         value, covariance = np.full((len(conditions), k), np.nan), np.full((len(conditions), k, k), np.nan)
         here = [m for m, c in enumerate(conditions) if c.configuration == self.configuration]

@@ -40,7 +40,7 @@ class Interpolator(Protocol):
     """Places queries among n points."""
 
     def place(self, queries: Array) -> Placements:
-        """Weights of queries of shape (m, 2), all of them finite."""
+        """Weights of queries of shape (m, 2): airspeed in m/s and altitude in m, all finite."""
         ...
 
 
@@ -48,7 +48,7 @@ def interpolator(points: Array, values: Array) -> Interpolator:
     """The interpolator that the points allow.
 
     Args:
-        points: shape (n, 2), n at least 1.
+        points: shape (n, 2), n at least 1: airspeed in m/s and altitude in m.
         values: shape (n, k), what will be interpolated; only its curvature is used.
 
     Raises:

@@ -68,15 +68,18 @@ def table(title: str, found: Sequence[Sequence[Parameter]], injected: Mapping[st
     print(f"\n{title}, {len(found)} flights")
     print(f"  {'':44s}{'injected':>10s}{'found':>11s}{'scatter':>10s}{'stated':>10s}{'z':>7s}")
     for name in dict.fromkeys(p.name for parameters in found for p in parameters):
-        told = [p for parameters in found for p in parameters if p.name == name and p.observable]
+        observable = [p for parameters in found for p in parameters if p.name == name and p.observable]
         truth = injected.get(name, 0.0)
-        if not told:
+        if not observable:
             reason = next(p.reason for parameters in found for p in parameters if p.name == name)
             print(f"  {name:44s}{truth:10.4f}  not observable: {reason}")
             continue
-        value, error = np.array([p.value for p in told]), np.array([p.standard_error for p in told])
+        value, error = (
+            np.array([p.value for p in observable]),
+            np.array([p.standard_error for p in observable]),
+        )
         z = float(np.sqrt(np.mean(((value - truth) / error) ** 2)))
-        few = "" if len(told) == len(found) else f"  observable in {len(told)}"
+        few = "" if len(observable) == len(found) else f"  observable in {len(observable)}"
         print(
             f"  {name:44s}{truth:10.4f}{value.mean():11.5f}{value.std():10.5f}{error.mean():10.5f}{z:7.2f}{few}"
         )

@@ -56,7 +56,7 @@ def sentence(v: Verdict) -> str:
     which = v.case or f"{v.source} {v.seed}"
     hidden = ", ".join(f"{label} {size:g}" for label, size in zip(v.hidden, v.sizes, strict=True))
     said = v.refusal or ", ".join(v.said) or "nothing"
-    beside = f" (or {', '.join(v.not_told_from)})" if v.not_told_from else ""
+    beside = f" (or {', '.join(v.inseparable_from)})" if v.inseparable_from else ""
     size = "" if v.inside is None else f"; size {v.size:.3g} ± {v.size_error:.2g}"
     return (
         f"{which:22}{v.aircraft:16}{v.turbulence:10}{v.signal_to_noise:6.0f}  {hidden or 'nothing':48} "

@@ -39,7 +39,7 @@ class Verdict:
         source, seed, aircraft, turbulence, signal_to_noise, true_model_misfit: of the case.
         hidden: labels, with their sizes in ``sizes``.
         said: labels of the causes found, in their order.
-        not_told_from: labels that the first cause cannot be distinguished from.
+        inseparable_from: labels that the first cause cannot be distinguished from.
         named: for each hidden effect, whether it was named.
         first: the right cause comes first.
         alone: and nothing else was said, nor is it called inseparable from anything.
@@ -64,7 +64,7 @@ class Verdict:
     hidden: tuple[str, ...]
     sizes: tuple[float, ...]
     said: tuple[str, ...] = ()
-    not_told_from: tuple[str, ...] = ()
+    inseparable_from: tuple[str, ...] = ()
     named: tuple[bool, ...] = ()
     first: bool = False
     alone: bool = False
@@ -114,7 +114,7 @@ def judged(case: Case, found: Diagnosis, seconds: float) -> Verdict:
     return _verdict(
         case,
         said=said,
-        not_told_from=tuple(inseparable),
+        inseparable_from=tuple(inseparable),
         named=named,
         first=first,
         alone=first and len(causes) == len(case.effects) and not inseparable,

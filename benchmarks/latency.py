@@ -145,7 +145,7 @@ def course(samples: int, seconds: float) -> tuple[Course, list[float]]:
         endpoint = free_endpoint()
         settings = ServeSettings(port=0, listen=(endpoint,), data=Path(folder))
         with running_service(settings) as service:
-            if not service.pump.wait(COMPILE_S):
+            if not service.ingest.wait(COMPILE_S):
                 raise TimeoutError(f"the kernels were not compiled within {COMPILE_S:g} s; run it again")
             with multiprocessing.get_context("spawn").Pool(1) as pool:
                 found = pool.apply(ask, (service.url, endpoint, samples, seconds))

@@ -35,7 +35,7 @@ from wingwatch.aircraft import LATERAL, SHORT_PERIOD, Provenance, load_aircraft
 from wingwatch.baselines import ExpectationRecord, apriori_envelope, open_database
 from wingwatch.cli.service import running_service
 from wingwatch.cli.settings import ServeSettings
-from wingwatch.estimators import EkfEstimator, FourierEstimator, Signals, Standing
+from wingwatch.estimators import EkfEstimator, FourierEstimator, Signals, Validity
 from wingwatch.monitor import FleetMonitor, VehicleMonitor
 from wingwatch.monitor.detection.judge import Judge
 from wingwatch.monitor.fleet import fleet_monitor as fleet_module
@@ -57,9 +57,9 @@ FLIGHTS = 32
 """Different flights; further vehicles repeat them."""
 COMPILE_S, PATIENCE_S, ARRIVE_S = 300.0, 30.0, 1.0
 ASK_EVERY_S, FLEET_EVERY_S = 0.1, 2.0
-PUMP = "wingwatch-pump"
+INGEST = "wingwatch-pump"
 THREADS = (
-    PUMP,
+    INGEST,
     "wingwatch-subscriber",
     "wingwatch-http",
     "wingwatch-outputs",
@@ -73,7 +73,7 @@ STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "signals": ((Signals, "update"), (Signals, "high_passed")),
     "Fourier estimator": ((FourierEstimator, "update"), (FourierEstimator, "solve")),
     "filter": ((EkfEstimator, "update"), (EkfEstimator, "solve"), (EkfEstimator, "release")),
-    "estimates": ((FourierEstimator, "standings"), (EkfEstimator, "standings"), (Standing, "estimate")),
+    "estimates": ((FourierEstimator, "validities"), (EkfEstimator, "validities"), (Validity, "estimate")),
     "test for changes": ((Judge, "consider"),),
     "news": ((VehicleMonitor, "derivatives"), (VehicleMonitor, "view")),
     "all else": ((FleetMonitor, "receive_all"), (FleetMonitor, "tick")),
@@ -93,7 +93,7 @@ class Stopwatch:
 
         @functools.wraps(work)
         def timing(*arguments: Any, **named: Any) -> Any:
-            if threading.current_thread().name != PUMP:
+            if threading.current_thread().name != INGEST:
                 return work(*arguments, **named)
             self._inner_s.append(0.0)
             begin_s = time.thread_time()
@@ -162,7 +162,7 @@ def serve(endpoint: str, folder: str, stages: bool, stored: bool, asked: Connect
             for owner, name in places:
                 stack.enter_context(mock.patch.object(owner, name, watch.timed(stage, getattr(owner, name))))
         service = stack.enter_context(running_service(settings))
-        asked.send(service.url if service.pump.wait(COMPILE_S) else None)
+        asked.send(service.url if service.ingest.wait(COMPILE_S) else None)
         while True:
             try:
                 asked.recv()
@@ -446,7 +446,7 @@ def main() -> None:
     rest = [run.all_us - sum(run.threads_us.get(t, 0.0) for t in THREADS) for run in runs]
     print(f"{'REST, Zenoh and else':>21}" + "".join(f"{us:9.1f}" for us in rest))
     if arguments.stages:
-        print(f"\nof these {PUMP} by stage")
+        print(f"\nof these {INGEST} by stage")
         for stage in STAGES:
             print(f"{stage:>21}" + "".join(f"{run.stages_us[stage]:9.1f}" for run in runs))
     for run in runs:

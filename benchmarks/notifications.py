@@ -203,8 +203,8 @@ def measured(count: int, vehicles: int, seed: int) -> Times:
             running_service(settings, preparation=KernelCompiler(DEMO, AFTER_DEMO) if vehicles else Idle())
         )
         if vehicles:
-            while not service.pump.wait(1.0):
-                print(service.pump.problem or "", file=sys.stderr)
+            while not service.ingest.wait(1.0):
+                print(service.ingest.problem or "", file=sys.stderr)
             template = demo_fleet()[0]
             flown = [replace(template, seed=k + 1, name=f"uav{k}") for k in range(vehicles)]
             stack.enter_context(SimulatedFleet(flown, endpoint))

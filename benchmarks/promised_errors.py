@@ -97,7 +97,7 @@ def estimates(plant: SensedPlant, rows: Array) -> dict[str, Array]:
     reference = (at.airspeed_true_m_s, at.air_density_kg_m3)
     aerodynamic = plant.derivatives - offsets(s, at.airspeed_true_m_s, at.angle_of_attack_rad)
     size = np.maximum(np.abs(aerodynamic), 0.1)
-    told = tuple(map(float, plant.noise_std[: len(s.states)]))
+    stated_std = tuple(map(float, plant.noise_std[: len(s.states)]))
     n = rows.shape[0]
     fourier = FourierEstimator(
         FourierConfig(
@@ -116,7 +116,9 @@ def estimates(plant: SensedPlant, rows: Array) -> dict[str, Array]:
         fourier.update(state, rows[:, k : k + SOLVE_EVERY])
         fourier.solve(state)
     ekf = EkfEstimator(
-        EkfConfig(s, 0.7 * aerodynamic, size, reference, memory_s=ENDLESS_S, noise_std=told, held=(True,))
+        EkfConfig(
+            s, 0.7 * aerodynamic, size, reference, memory_s=ENDLESS_S, noise_std=stated_std, held=(True,)
+        )
     )
     filtered = ekf.init(n)
     for k in range(0, rows.shape[1], SOLVE_EVERY):

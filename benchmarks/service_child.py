@@ -113,7 +113,7 @@ def _serve(settings: ServeSettings, asked: Connection) -> None:
         mock.patch.object(FleetMonitor, "receive_all", timed_receive_all(inside_s)),
         running_service(settings) as service,
     ):
-        asked.send((service.port, os.getpid()) if service.pump.wait(COMPILE_S) else None)
+        asked.send((service.port, os.getpid()) if service.ingest.wait(COMPILE_S) else None)
         while True:
             try:
                 wanted = asked.recv()

@@ -119,6 +119,6 @@ def _comparable(state: MonitorState) -> MonitorState:
     alert = None if state.book.active is None else bare(state.book.active)
     cells = CellBookState(state.cells.accounts, state.cells.visits, set())
     several = replace(state.redundancy_book, active=[bare(a) for a in state.redundancy_book.active])
-    told = AlertMemory([""] * len(state.alerts.in_force), [bare(a) for a in state.alerts.over])
+    memory = AlertMemory([""] * len(state.alerts.in_force), [bare(a) for a in state.alerts.over])
     book = replace(state.book, active=alert)
-    return replace(state, book=book, cells=cells, redundancy_book=several, alerts=told)
+    return replace(state, book=book, cells=cells, redundancy_book=several, alerts=memory)

@@ -155,11 +155,11 @@ def _distance(prior: tuple[Array, Array], flown: Reference, z: Array) -> Distanc
     """
     value, covariance = prior
     inner = np.eye(value.size) + flown.information @ covariance
-    surprise = flown.vector - flown.information @ value
-    solved = np.linalg.solve(inner, np.column_stack([flown.information, surprise]))
-    weight, pull = 0.5 * (solved[:, :-1] + solved[:, :-1].T), solved[:, -1]
-    freedom = int(np.linalg.matrix_rank(weight, tol=1e-9 * np.trace(weight) + 1e-300))
-    squared = float(pull @ np.linalg.pinv(weight, hermitian=True) @ pull)
+    innovation = flown.vector - flown.information @ value
+    solved = np.linalg.solve(inner, np.column_stack([flown.information, innovation]))
+    precision, vector = 0.5 * (solved[:, :-1] + solved[:, :-1].T), solved[:, -1]
+    freedom = int(np.linalg.matrix_rank(precision, tol=1e-9 * np.trace(precision) + 1e-300))
+    squared = float(vector @ np.linalg.pinv(precision, hermitian=True) @ vector)
     return Distance(z, squared, freedom, chi_square_tail(squared, freedom) if freedom else 1.0)
 
 

@@ -17,7 +17,7 @@ from wingwatch.diagnosis.condition_report import Conditioned, condition
 from wingwatch.diagnosis.static_derivatives import StaticDerivatives
 from wingwatch.telemetry import write_flight
 from wingwatch.telemetry.conditioning import AirQuality, Parameter
-from wingwatch.telemetry.plausibility import Finding, Standing
+from wingwatch.telemetry.plausibility import Finding, Verdict
 
 __all__ = ["run"]
 
@@ -151,7 +151,7 @@ def _show_findings(console: Console, findings: tuple[Finding, ...]) -> None:
         table.add_row(one.channel, one.check, found, one.unit, str(one.standing))
     console.print(table)
     for one in findings:
-        if one.standing is not Standing.RIGHT:
+        if one.standing is not Verdict.RIGHT:
             console.print(f"  {escape(one.sentence)}", soft_wrap=True)
 
 

@@ -46,7 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
                 fleet = stack.enter_context(SimulatedFleet(demo_fleet(), service.endpoints[0]))
                 _watch(service, fleet, end, quiet=arguments.json)
             say("ending")
-        return leave(0, service.pump.loop.alive or (fleet is not None and fleet.alive))
+        return leave(0, service.ingest.loop.alive or (fleet is not None and fleet.alive))
 
 
 def _watch(service: Service, fleet: SimulatedFleet, end: threading.Event, quiet: bool) -> None:

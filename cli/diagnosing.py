@@ -11,7 +11,7 @@ from wingwatch.cli.plausible import checked
 from wingwatch.cli.surface_travel import surface_travel
 from wingwatch.diagnosis import Diagnosis
 from wingwatch.telemetry import Cleaner, FlightTable, SampleBlock, load_flight
-from wingwatch.telemetry.plausibility import Finding, Standing
+from wingwatch.telemetry.plausibility import Finding, Verdict
 
 __all__ = ["diagnose_file"]
 
@@ -54,7 +54,7 @@ def diagnose_file(
         f"{name}: {finding.sentence}"
         for name, part in ((source or str(flight), findings), (str(validate), beside))
         for finding in part
-        if finding.standing is not Standing.RIGHT
+        if finding.standing is not Verdict.RIGHT
     ]
     found = diagnosis.diagnose(
         _cleaned(table),

@@ -39,7 +39,7 @@ def main(folder: Path) -> int:
 
 
 def _diagnose(folder: Path, request: Mapping[str, Any], tell: Callable[..., None]) -> int:
-    from wingwatch.cli.faults import blame
+    from wingwatch.cli.faults import user_error
 
     name = str(request["file"])
     answer = _of_alert if CHANGE in request else _of_upload
@@ -47,7 +47,7 @@ def _diagnose(folder: Path, request: Mapping[str, Any], tell: Callable[..., None
         result = answer(folder, name, lambda what, fraction: tell(doing=what, progress=fraction))
         (folder / RESULT).write_text(json.dumps(result, allow_nan=False))
     except Exception as error:
-        sentence = blame(error)
+        sentence = user_error(error)
         if sentence is not None:
             tell(problem=_with_name(sentence, folder, name))
             return 2

@@ -45,9 +45,7 @@ def save_model(path: Path, aircraft: Aircraft, fitted: Mapping[str, Fitted], sou
             continue
         entries.append(_entry(one, source))
     if not entries:
-        raise CommandError(
-            f"--save {path}: the flight told no structure that could be saved; {'; '.join(left)}"
-        )
+        raise CommandError(f"--save {path}: no structure of the flight could be saved; {'; '.join(left)}")
     symbols = {symbol for entry in entries for symbol in entry.derivatives}
     kept = [c for c in aircraft.conditions if not symbols & set(c.derivatives)]
     made = aircraft.model_copy(update={"name": name, "conditions": (*kept, *entries)})

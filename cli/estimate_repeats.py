@@ -145,7 +145,7 @@ def _object(one: RepeatedManoeuvre) -> dict[str, Any]:
             }
             for symbol, row in one.derivatives.items()
         },
-        "not_estimated": {str(number): why for number, why in one.untold.items()},
+        "not_estimated": {str(number): why for number, why in one.not_estimated.items()},
         "text": list(_sentences(one)),
     }
 
@@ -159,10 +159,10 @@ def _show(console: Console, one: RepeatedManoeuvre) -> None:
         f"{low:.2f} to {high:.2f} m/s, values at {one.condition[0]:.2f} m/s"
     )
     if not one.derivatives:
-        console.print("No derivative is told by two of them.")
+        console.print("No derivative is observable in two of them.")
     else:
         console.print(_table(one))
-    for number, why in one.untold.items():
+    for number, why in one.not_estimated.items():
         console.print(f"Manoeuvre {number} is not estimated: {escape(why)}.", style="dim")
     for sentence in _sentences(one):
         console.print(sentence, soft_wrap=True)

@@ -27,7 +27,7 @@ class Fitted:
         estimator: of several the one that knows more of them.
         value, standard_error: (k,); what was not observable is as expected, NaN where nothing is expected either.
         expected: (k,); NaN where nothing is expected.
-        observed: (k,), which of them the flight told.
+        observed: (k,), which of them the flight made observable.
         condition: airspeed_true_m_s, altitude_m, air_density_kg_m3, angle_of_attack_rad that all hold at.
     """
 

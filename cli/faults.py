@@ -3,7 +3,7 @@
 import sys
 from pathlib import Path
 
-__all__ = ["CommandError", "blame", "say"]
+__all__ = ["CommandError", "user_error", "say"]
 
 
 class CommandError(Exception):
@@ -15,7 +15,7 @@ def say(text: str) -> None:
     print(f"wingwatch: {text}", file=sys.stderr, flush=True)
 
 
-def blame(error: BaseException) -> str | None:
+def user_error(error: BaseException) -> str | None:
     """The sentence of an exception that bad input causes; None for any other, which is a fault of the program.
 
     The classes are looked up only now, since every command would have to load all of them otherwise.

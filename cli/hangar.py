@@ -7,10 +7,10 @@ from pathlib import Path
 from wingwatch.aircraft import Aircraft, library_names, load_aircraft
 from wingwatch.cli.faults import CommandError
 
-__all__ = ["Hangar"]
+__all__ = ["AircraftRegistry"]
 
 
-class Hangar:
+class AircraftRegistry:
     """Finds an aircraft by its name. A name that came over the network never opens a file.
 
     Args:

@@ -17,7 +17,7 @@ from wingwatch.cli.diagnosis_jobs import DiagnosisJobs
 from wingwatch.cli.notifications import Notifications
 from wingwatch.cli.outputs import ZenohOutputs
 from wingwatch.cli.processor_time import ProcessorTimes
-from wingwatch.cli.pump import Pump
+from wingwatch.cli.pump import IngestLoop
 from wingwatch.cli.recorder import COUNTED, Recorder
 from wingwatch.cli.store import DatabaseStore
 from wingwatch.cli.tokens import TokenRegister
@@ -44,7 +44,7 @@ class Parts:
     link: ZenohSettings
     subscriber: SensorSubscriber
     outputs: ZenohOutputs
-    pump: Pump
+    ingest: IngestLoop
     tokens: TokenRegister
     diagnoses: DiagnosisJobs
     alert_diagnoses: AlertDiagnoses | None
@@ -89,7 +89,7 @@ class Health:
             "messages": parts.subscriber.counts,
             "intake": parts.monitor.intake,
             "monitor": parts.monitor.problems,
-            "loop": {"faults": parts.pump.faults, **self._restarts()},
+            "loop": {"faults": parts.ingest.faults, **self._restarts()},
             "store": parts.store.counts,
             "checkpoints": parts.checkpoints.counts,
             "outputs": dict(parts.outputs.dropped),
@@ -105,7 +105,7 @@ class Health:
         parts = self._parts
         return ServiceFigures(
             settings=self._settings,
-            delay=parts.pump.delays.view(),
+            delay=parts.ingest.delays.view(),
             queues=self._queues(),
             links=self._links(),
             processor_s=self._processor.by_stage(),
@@ -116,7 +116,7 @@ class Health:
         parts = self._parts
         writing, reading = parts.store.loops
         loops = {
-            "messages": parts.pump.loop, "store": writing, "recall": reading, "checkpoints": parts.checkpoints.loop,
+            "messages": parts.ingest.loop, "store": writing, "recall": reading, "checkpoints": parts.checkpoints.loop,
             "outputs": parts.outputs.loop, "diagnoses": parts.diagnoses.loop,
             "alert_diagnoses": parts.diagnoses.alert_loop,
         }  # fmt: skip
@@ -127,7 +127,7 @@ class Health:
         parts = self._parts
         writes, outputs = parts.store.waiting, parts.outputs.waiting
         recalls = writes.pop("recalls")
-        messages_s = max(parts.subscriber.waiting_s, parts.pump.in_hand_s)
+        messages_s = max(parts.subscriber.waiting_s, parts.ingest.in_hand_s)
         return {
             "messages": QueueView(parts.subscriber.waiting, messages_s),
             "store": QueueView(sum(writes.values()), parts.store.behind_s),
@@ -158,7 +158,7 @@ class Health:
             "checkpoints": self._checkpoints_problem(),
             "http": parts.http.problem,
             "tokens": parts.tokens.problem,
-            "estimators": parts.pump.problem,
+            "estimators": parts.ingest.problem,
             "diagnoses": self._diagnoses_problem(),
         }
 
@@ -184,7 +184,7 @@ class Health:
         parts = self._parts
         if not parts.subscriber.alive:
             return "the loop that takes messages over from Zenoh has ended."
-        waiting_s = max(parts.subscriber.waiting_s, parts.pump.in_hand_s)
+        waiting_s = max(parts.subscriber.waiting_s, parts.ingest.in_hand_s)
         if waiting_s <= _MOST_QUEUED_S:
             return None
         return f"messages wait for {waiting_s:.0f} s before they are taken in; what is shown is as old."

@@ -13,7 +13,7 @@ from importlib import import_module
 
 from wingwatch import __version__
 from wingwatch.cli.arguments import build_parser
-from wingwatch.cli.faults import blame, say
+from wingwatch.cli.faults import say, user_error
 
 __all__ = ["main"]
 
@@ -39,7 +39,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing more can be written there
         return 0
     except Exception as error:
-        sentence = blame(error)
+        sentence = user_error(error)
         if sentence is not None:
             say(f"error: {sentence}")
             return 2

@@ -12,7 +12,7 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 
-from wingwatch.cli.faults import CommandError, blame, say
+from wingwatch.cli.faults import CommandError, say, user_error
 from wingwatch.cli.progress import Progress
 from wingwatch.telemetry.logs import is_autopilot_log
 
@@ -115,7 +115,10 @@ def _guarded(judge: Judge, file: Path, arguments: argparse.Namespace, shown: boo
     try:
         return {"flight": str(file), **judge(file, arguments)}
     except Exception as error:
-        said = blame(error) or f"internal error: {type(error).__name__}: {' '.join(str(error).split())[:300]}"
+        said = (
+            user_error(error)
+            or f"internal error: {type(error).__name__}: {' '.join(str(error).split())[:300]}"
+        )
         return {"flight": str(file), "error": said}
 
 

@@ -119,10 +119,10 @@ class ZenohOutputs:
         for stream in _STREAMS:
             callback = zenoh.handlers.Callback(self._asked, indirect=False)
             self._listening.append(self._session.declare_queryable(f"{KEY_ROOT}/*/*/{stream}", callback))
-        heard = zenoh.handlers.Callback(self._heard_foreign, indirect=False)
+        foreign = zenoh.handlers.Callback(self._note_foreign, indirect=False)
         self._listening.append(
             self._session.declare_subscriber(
-                f"{KEY_ROOT}/*/*/alerts", heard, allowed_origin=zenoh.Locality.REMOTE
+                f"{KEY_ROOT}/*/*/alerts", foreign, allowed_origin=zenoh.Locality.REMOTE
             )
         )
         key = service_alive_key(str(self._session.info.zid()))
@@ -174,7 +174,7 @@ class ZenohOutputs:
             self._queries.append(query)
         self._news.set()
 
-    def _heard_foreign(self, sample: Any) -> None:
+    def _note_foreign(self, sample: Any) -> None:
         """In Zenoh's thread: somebody else has published an alert."""
         with self._lock:
             self.foreign_alerts += 1

@@ -9,7 +9,7 @@ from rich.markup import escape
 from wingwatch.aircraft import Aircraft
 from wingwatch.cli.faults import CommandError
 from wingwatch.telemetry import Cleaner, FlightTable
-from wingwatch.telemetry.plausibility import Finding, Standing, check_flight
+from wingwatch.telemetry.plausibility import Finding, Verdict, check_flight
 
 __all__ = ["ACCEPT", "checked", "findings_of", "for_json", "show_doubts"]
 
@@ -33,7 +33,7 @@ def checked(flight: FlightTable, aircraft: Aircraft, accepted: bool | None) -> t
         CommandError: channels contradict each other; one sentence with the lines to write.
     """
     findings = findings_of(flight, aircraft)
-    refused = [one.sentence for one in findings if one.standing is Standing.REFUSAL]
+    refused = [one.sentence for one in findings if one.standing is Verdict.REFUSAL]
     if refused and not accepted:
         way_on = "" if accepted is None else f" (or go on nevertheless with {ACCEPT})"
         raise CommandError(f"{flight.source}: {'; '.join(refused)}{way_on}")
@@ -43,7 +43,7 @@ def checked(flight: FlightTable, aircraft: Aircraft, accepted: bool | None) -> t
 def show_doubts(console: Console, findings: Sequence[Finding]) -> None:
     """One line for each channel that is doubtful, or was accepted although it contradicts others."""
     for one in findings:
-        if one.standing is not Standing.RIGHT:
+        if one.standing is not Verdict.RIGHT:
             console.print(f"[bold]{one.standing}[/]: {escape(one.sentence)}", soft_wrap=True)
 
 

@@ -23,7 +23,7 @@ from wingwatch.telemetry import (
     load_flight,
     open_session,
 )
-from wingwatch.telemetry.plausibility import Standing
+from wingwatch.telemetry.plausibility import Verdict
 
 __all__ = ["run"]
 
@@ -38,7 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
     known = load_aircraft(arguments.aircraft)
     flight = load_flight(arguments.flight, arguments.map, surface_travel(known))
     for finding in findings_of(flight, known):
-        if finding.standing is not Standing.RIGHT:
+        if finding.standing is not Verdict.RIGHT:
             say(f"{flight.source}: {finding.sentence}")
     security = security_of(arguments, os.environ)
     began_s = time.monotonic()

@@ -12,7 +12,7 @@ from wingwatch.cli.loops import Loop
 from wingwatch.monitor import FleetMonitor
 from wingwatch.telemetry import InboundMessage, SensorSubscriber
 
-__all__ = ["Pump"]
+__all__ = ["IngestLoop"]
 
 _LOG = logging.getLogger(__name__)
 _GATHERED = 64  # messages; the more together, the less each costs, and REST waits while they are taken in
@@ -22,7 +22,7 @@ _STOP_S = 1.0
 _LOADING = "The numerical kernels are being loaded."
 
 
-class Pump:
+class IngestLoop:
     """The thread that brings messages from the subscriber to the monitor, once the kernels are there.
 
     Args:

@@ -12,7 +12,7 @@ from wingwatch import __version__
 from wingwatch.aircraft import Aircraft, parse_aircraft
 from wingwatch.cli.faults import CommandError, say
 from wingwatch.cli.fleet_display import FleetLines
-from wingwatch.cli.hangar import Hangar
+from wingwatch.cli.hangar import AircraftRegistry
 from wingwatch.cli.progress import write_json
 from wingwatch.cli.replaying import Agreement, Replay
 from wingwatch.telemetry import SampleBlock, write_flight
@@ -56,7 +56,7 @@ def _about(recording: Recording) -> str:
 
 def _finder(recording: Recording, given: Sequence[Path]) -> Callable[[str], Aircraft]:
     """Aircraft by name: of the files given, else those that the recording carries, else the library's."""
-    hangar = Hangar(given)
+    registry = AircraftRegistry(given)
     carried = {}
     for name, data in recording.attachments().items():
         if name.startswith(_AIRCRAFT):
@@ -64,9 +64,9 @@ def _finder(recording: Recording, given: Sequence[Path]) -> Callable[[str], Airc
             carried[aircraft.name] = aircraft
 
     def find(name: str) -> Aircraft:
-        if name in carried and name not in hangar.names:
+        if name in carried and name not in registry.names:
             return carried[name]
-        return hangar.find(name)
+        return registry.find(name)
 
     return find
 

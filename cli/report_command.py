@@ -15,7 +15,7 @@ from wingwatch.cli.report_page.content import FlightContent, collect
 from wingwatch.cli.report_page.outcome_sections import headline
 from wingwatch.cli.report_page.report_page import report_html
 from wingwatch.pages.whole_file import write_whole
-from wingwatch.telemetry.plausibility import Standing
+from wingwatch.telemetry.plausibility import Verdict
 
 __all__ = ["run"]
 
@@ -31,7 +31,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise CommandError(f"--out {out} is a file that is read; give another name")
     flight, aircraft = load(arguments.flight, arguments.map, arguments.aircraft)
     findings = checked(flight, aircraft, arguments.accept_implausible)
-    doubts = tuple(one.sentence for one in findings if one.standing is not Standing.RIGHT)
+    doubts = tuple(one.sentence for one in findings if one.standing is not Verdict.RIGHT)
     flight = replace(flight, report=replace(flight.report, notes=(*flight.report.notes, *doubts)))
     content = collect(flight, aircraft, Progress())
     text = report_html(content)

@@ -42,7 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
                 tell("ready")
             end.wait()
             tell("ending")
-        return leave(0, service.pump.loop.alive)
+        return leave(0, service.ingest.loop.alive)
 
 
 def allow_open_files() -> None:
@@ -79,8 +79,8 @@ def await_ready(service: Service, end: threading.Event, tell: Callable[[str], ob
 
 
 def _await(service: Service, end: threading.Event, tell: Callable[[str], object]) -> bool:
-    while not end.is_set() and service.pump.loop.alive:
-        if service.pump.wait(_LOOK_S):
+    while not end.is_set() and service.ingest.loop.alive:
+        if service.ingest.wait(_LOOK_S):
             return True
-        tell(service.pump.problem or "")
+        tell(service.ingest.problem or "")
     return False

@@ -36,7 +36,7 @@ from wingwatch.cli.database_probe import DatabaseProbe
 from wingwatch.cli.diagnosis_change import RING_CHANNELS
 from wingwatch.cli.diagnosis_jobs import DiagnosisJobs
 from wingwatch.cli.faults import CommandError
-from wingwatch.cli.hangar import Hangar
+from wingwatch.cli.hangar import AircraftRegistry
 from wingwatch.cli.health import Health, Parts, connected, waiting_for
 from wingwatch.cli.kernel_steps import AT_FIRST_USE, LIVE
 from wingwatch.cli.kernels import KernelCompiler, Preparation
@@ -46,7 +46,7 @@ from wingwatch.cli.notify_settings import channel_plans
 from wingwatch.cli.outputs import ZenohOutputs
 from wingwatch.cli.patient import PatientHistory
 from wingwatch.cli.patient_baselines import PatientBaselines
-from wingwatch.cli.pump import Pump
+from wingwatch.cli.pump import IngestLoop
 from wingwatch.cli.recorded_ports import RecordedCheckpoints, RecordedStore
 from wingwatch.cli.recorder import Recorder
 from wingwatch.cli.settings import ServeSettings
@@ -57,11 +57,13 @@ from wingwatch.monitor import FleetMonitor, FleetPorts, FleetSettings, Outputs
 from wingwatch.notifications import Clocks
 from wingwatch.telemetry import SensorSubscriber, ZenohSettings, open_session, with_free_ports
 
-__all__ = ["Parts", "Pump", "Service", "running_service"]
+__all__ = ["Parts", "IngestLoop", "Service", "running_service"]
 
 _LOG = logging.getLogger(__name__)
 _DATABASE_PATIENCE_S = 1.0
-_SWITCH_S = 0.0005  # each message that arrives waits so long for the interpreter while the pump is busy
+_SWITCH_S = (
+    0.0005  # each message that arrives waits so long for the interpreter while the ingest loop is busy
+)
 
 
 class Service:
@@ -77,9 +79,9 @@ class Service:
         return self._parts.monitor
 
     @property
-    def pump(self) -> Pump:
+    def ingest(self) -> IngestLoop:
         """What takes messages in."""
-        return self._parts.pump
+        return self._parts.ingest
 
     @property
     def url(self) -> str:
@@ -149,7 +151,7 @@ def _save(monitor: FleetMonitor, checkpoints: CheckpointFolder) -> None:
 
 
 def _tune_interpreter(stack: ExitStack) -> None:
-    """Short turns of the threads, one thread for matrices; ends with the service, as the pump's frozen objects do."""
+    """Short turns of the threads, one thread for matrices; ends with the service, as the loop's frozen objects do."""
     stack.callback(gc.unfreeze)
     stack.callback(sys.setswitchinterval, sys.getswitchinterval())
     sys.setswitchinterval(_SWITCH_S)
@@ -160,7 +162,7 @@ def _tune_interpreter(stack: ExitStack) -> None:
 def _fleet(
     stack: ExitStack,
     settings: ServeSettings,
-    hangar: Hangar,
+    registry: AircraftRegistry,
     store: DatabaseStore,
     outputs: Outputs,
     wall_clock: Callable[[], float],
@@ -173,7 +175,7 @@ def _fleet(
         recorded = RecordedCheckpoints(checkpoints, recorder, wall_clock)
         ports = FleetPorts(RecordedStore(store, recorder), outputs, recorded)
     monitor = FleetMonitor(
-        hangar.find,
+        registry.find,
         time.monotonic,
         lambda: uuid4().hex,
         ports,
@@ -223,7 +225,7 @@ def running_service(
         tokens = TokenRegister(TokenFile(settings.data))
         access = _access(settings, listening, tokens)
         tls = _tls(settings)
-        hangar = Hangar(settings.aircraft)
+        registry = AircraftRegistry(settings.aircraft)
         if fresh:
             _remove_memory(settings)
         database = stack.enter_context(open_database(settings.where, busy_timeout_s=_DATABASE_PATIENCE_S))
@@ -236,15 +238,15 @@ def running_service(
         _tune_interpreter(stack)
         recorder = _recorder(stack, settings, wall_clock)
         announced = NotifyingOutputs(outputs, notifications)
-        monitor = _fleet(stack, settings, hangar, store, announced, wall_clock, checkpoints, recorder)
+        monitor = _fleet(stack, settings, registry, store, announced, wall_clock, checkpoints, recorder)
         outputs.answer_from(monitor)
         arrived, subscriber = _subscribed(stack, session, outputs)
         preparation = preparation or KernelCompiler(LIVE, AT_FIRST_USE)
         record = None if recorder is None else recorder.messages
-        pump = Pump(subscriber, monitor, arrived, preparation, record=record)
-        jobs = stack.enter_context(DiagnosisJobs(hangar.find))
+        ingest = IngestLoop(subscriber, monitor, arrived, preparation, record=record)
+        jobs = stack.enter_context(DiagnosisJobs(registry.find))
         asked = AppSettings(
-            access=access, aircraft=hangar.find, diagnoses=jobs, kernels=preparation.view,
+            access=access, aircraft=registry.find, diagnoses=jobs, kernels=preparation.view,
             counters=lambda: service.counters(), figures=lambda: service.figures(),
             problems=lambda: service.problems(), database_problem=lambda: waiting_for(store),
             baselines=PatientBaselines(database, wall_clock), documents=settings.documents,
@@ -254,14 +256,14 @@ def running_service(
         http = HttpServer(app, listening, tls=tls)
         parts = Parts(
             http=http, monitor=monitor, probe=DatabaseProbe(database.check), store=store, checkpoints=checkpoints,
-            session=session, link=link, subscriber=subscriber, outputs=outputs, pump=pump, tokens=tokens,
+            session=session, link=link, subscriber=subscriber, outputs=outputs, ingest=ingest, tokens=tokens,
             diagnoses=jobs, alert_diagnoses=_alerts_diagnosed(stack, settings, monitor, jobs), refusals=refusals or {},
             notifications=notifications, recorder=recorder,
         )  # fmt: skip
         service: Service = Service(parts)
         notifications.begin(monitor)
-        stack.callback(pump.stop)
-        pump.start()
+        stack.callback(ingest.stop)
+        ingest.start()
         stack.enter_context(http)
         yield service
 

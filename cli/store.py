@@ -466,9 +466,9 @@ class DatabaseStore:
                 waiting.pop(key)
         if waiting is self._alerts:
             alert, kept = entry
-            self._told(alert, kept)
+            self._announced(alert, kept)
 
-    def _told(self, alert: AlertView, kept: _Kept) -> None:
+    def _announced(self, alert: AlertView, kept: _Kept) -> None:
         try:
             kept(alert)
         except Exception:  # it is stored, and the thread goes on

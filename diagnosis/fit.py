@@ -85,8 +85,8 @@ def fit(
     reduced = reduce(problem, point, evaluation)
     prior = _prior(point.causes)
     for _ in range(passes):
-        pull = reduced.score - prior * point.theta
-        step = np.asarray(np.linalg.solve(reduced.information + np.diag(prior), pull), dtype=np.float64)
+        gradient = reduced.score - prior * point.theta
+        step = np.asarray(np.linalg.solve(reduced.information + np.diag(prior), gradient), dtype=np.float64)
         here = _whole_cost(problem, evaluation, point, prior)
         if _promised(evaluation, reduced, here) < _ENOUGH:
             break

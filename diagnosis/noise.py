@@ -162,8 +162,8 @@ def _step(information: Array, score: Array, free: Mask, reach: float) -> Array:
     """The best step uphill that moves nothing by more than its reach: what would go further is held there."""
     step, rest = np.zeros(len(score)), free.copy()
     while rest.any():
-        pull = score[rest] - information[rest][:, ~rest] @ step[~rest]
-        step[rest] = np.linalg.solve(information[rest][:, rest], pull)
+        gradient = score[rest] - information[rest][:, ~rest] @ step[~rest]
+        step[rest] = np.linalg.solve(information[rest][:, rest], gradient)
         far = rest & (np.abs(step) > reach)
         if not far.any():
             break

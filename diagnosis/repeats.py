@@ -92,7 +92,7 @@ class RepeatedManoeuvre:
             values hold there.
         airspeed_m_s: lowest and highest mean of a repeat.
         derivatives: those that two repeats or more tell.
-        untold: reason by number of a repeat that could not be estimated.
+        not_estimated: reason by number of a repeat that could not be estimated.
     """
 
     structure: ModeStructure
@@ -101,7 +101,7 @@ class RepeatedManoeuvre:
     condition: tuple[float, float, float, float]
     airspeed_m_s: tuple[float, float]
     derivatives: Mapping[str, RepeatedDerivative]
-    untold: Mapping[int, str]
+    not_estimated: Mapping[int, str]
 
 
 def repeats(
@@ -175,7 +175,9 @@ def _repeated(
     parts: Mapping[int, tuple[Manoeuvre, ...]],
 ) -> RepeatedManoeuvre:
     """All repeats at their common condition."""
-    untold = {n: "there are not two seconds of whole samples in a row" for n, cut in parts.items() if not cut}
+    not_estimated = {
+        n: "there are not two seconds of whole samples in a row" for n, cut in parts.items() if not cut
+    }
     condition = _mean_condition([part for cut in parts.values() for part in cut])
     estimates: dict[int, Estimate] = {}
     for number, cut in parts.items():
@@ -185,12 +187,12 @@ def _repeated(
             at_common = [replace(part, condition=condition) for part in cut]
             estimates[number] = in_form(*solve(at_common), structure)[0]
         except ValueError as error:
-            untold[number] = str(error)
+            not_estimated[number] = str(error)
     speeds = [_mean_condition(cut)[0] for cut in parts.values() if cut]
     return RepeatedManoeuvre(
         structure, moved, tuple(group), condition,
         (min(speeds, default=math.nan), max(speeds, default=math.nan)),
-        _by_derivative(structure, estimates), untold,
+        _by_derivative(structure, estimates), not_estimated,
     )  # fmt: skip
 
 
@@ -207,16 +209,16 @@ def _by_derivative(
     """Derivatives that two repeats or more tell."""
     found = {}
     for k, symbol in enumerate(structure.derivatives):
-        told = {
+        observed = {
             number: (float(one.value[k]), math.sqrt(float(one.covariance[k, k])))
             for number, one in estimates.items()
             if one.outcomes[k] in _KNOWN
             and np.isfinite(one.value[k])
             and 0.0 < one.covariance[k, k] < math.inf
         }
-        if len(told) >= 2:
+        if len(observed) >= 2:
             found[symbol] = repeated_derivative(
-                tuple(told), *(np.array(c) for c in zip(*told.values(), strict=True))
+                tuple(observed), *(np.array(c) for c in zip(*observed.values(), strict=True))
             )
     return found
 

@@ -224,12 +224,12 @@ def _gained(d: Diagnosis) -> str:
     if not certain:
         return f"On {d.gain.source} the extended model is not better beyond doubt in any channel."
     certain.sort(key=lambda item: item[1].value)
-    told = [item for item in certain[:2] if item[1].value <= -MATTERS] or certain[:1]
+    largest = [item for item in certain[:2] if item[1].value <= -MATTERS] or certain[:1]
     worse = sorted(
         ((c, i) for c, i in d.gain.change.items() if i.low > MATTERS), key=lambda item: -item[1].value
     )
     but = f", but {_changes(worse[:1])}: no extended file is offered" if worse else ""
-    return f"With the model extended, the residual on {d.gain.source} is {_changes(told)}{but}."
+    return f"With the model extended, the residual on {d.gain.source} is {_changes(largest)}{but}."
 
 
 def _changes(best: Sequence[tuple[str, Interval]]) -> str:

@@ -37,7 +37,7 @@ from wingwatch.estimators.batch.frequency_equation_error import (
 )
 from wingwatch.estimators.batch.manoeuvre import Manoeuvre, ManoeuvreConfig, manoeuvres
 from wingwatch.estimators.batch.output_error import OutputErrorConfig, output_error
-from wingwatch.estimators.confounding import told_apart_text
+from wingwatch.estimators.confounding import confounding_text
 from wingwatch.estimators.ekf.estimator import EkfConfig, EkfEstimator, EkfState
 from wingwatch.estimators.ekf.state import arrays_of, one_vehicle
 from wingwatch.estimators.estimate import BlockEvidence, Estimate, Outcome
@@ -47,11 +47,11 @@ from wingwatch.estimators.inertia_coupling import InertiaCoupling, inertia_coupl
 from wingwatch.estimators.lanes import Lanes, padded
 from wingwatch.estimators.reference import offsets, referred_scale
 from wingwatch.estimators.signals import SignalConfig, SignalLayout, Signals, SignalState, meets_at_centre
-from wingwatch.estimators.standing import Standing, Standings
+from wingwatch.estimators.standing import Validities, Validity
 
 __all__ = [
     "Estimate",
-    "told_apart_text",
+    "confounding_text",
     "Outcome",
     "BlockEvidence",
     "FourierConfig",
@@ -60,8 +60,8 @@ __all__ = [
     "EkfConfig",
     "EkfEstimator",
     "EkfState",
-    "Standing",
-    "Standings",
+    "Validities",
+    "Validity",
     "Lanes",
     "arrays_of",
     "one_vehicle",

@@ -21,7 +21,7 @@ from wingwatch.aircraft.structures import ModeStructure
 from wingwatch.estimators.kernels.symmetric import eigen
 from wingwatch.kernels.decorators import helper, whole
 
-__all__ = ["confounded_sets", "find_confounded", "sets_of", "told_apart_text"]
+__all__ = ["confounded_sets", "find_confounded", "sets_of", "confounding_text"]
 
 Array = NDArray[np.float64]
 
@@ -135,7 +135,7 @@ def _by_data_alone(covariance, natural, prior_ratio, alone, unknown):  # type: i
                 unknown[a, b] += directions[d, a] * directions[d, b] / (gained + WIDE_PRIOR**-2)
 
 
-def told_apart_text(structure: ModeStructure, sets: tuple[tuple[str, ...], ...]) -> str:
+def confounding_text(structure: ModeStructure, sets: tuple[tuple[str, ...], ...]) -> str:
     """One clause that names the sets and what moved together; empty where there is none."""
     clauses: dict[str, list[str]] = {}
     for names in sets:

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft.structures import ModeStructure
-from wingwatch.estimators.confounding import find_confounded, sets_of, told_apart_text
+from wingwatch.estimators.confounding import confounding_text, find_confounded, sets_of
 from wingwatch.estimators.estimate import Estimate, Outcome
 from wingwatch.kernels.decorators import helper, whole
 
-__all__ = ["ConcisePosterior", "Standing", "Standings", "stand"]
+__all__ = ["ConcisePosterior", "Validity", "Validities", "assess"]
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.int64]
@@ -36,7 +36,7 @@ class ConcisePosterior(NamedTuple):
     prior_ratio: float = 3.0
 
 
-class Standing(NamedTuple):
+class Validity(NamedTuple):
     """What an estimator says of one mode of one vehicle, in numbers.
 
     Attributes:
@@ -60,6 +60,11 @@ class Standing(NamedTuple):
     time_s: float
     solved: bool
 
+    @staticmethod
+    def stored_name() -> str:
+        """The class's name in checkpoints."""
+        return "Standing"
+
     @property
     def says_something(self) -> bool:
         """Whether the mode is settling or converged."""
@@ -79,7 +84,7 @@ class Standing(NamedTuple):
         outcomes = tuple(_OUTCOMES[c] for c in self.code.tolist())
         outcome, reason = _together(structure, outcomes, self.informed_s, self.solved)
         if sets and outcome is not Outcome.REJECTED:
-            reason = "; ".join(part for part in (told_apart_text(structure, sets), reason) if part)
+            reason = "; ".join(part for part in (confounding_text(structure, sets), reason) if part)
         airspeed_m_s, altitude_m, density_kg_m3, alpha_rad = self.condition.tolist()
         return Estimate(
             estimator, structure, self.time_s, self.value, self.covariance, outcomes, outcome, reason,
@@ -87,8 +92,8 @@ class Standing(NamedTuple):
         )  # fmt: skip
 
 
-class Standings(NamedTuple):
-    """``Standing`` of m vehicles: its arrays with a first axis more, (m,) where it has one number."""
+class Validities(NamedTuple):
+    """``Validity`` of m vehicles: its arrays with a first axis more, (m,) where it has one number."""
 
     value: Array
     covariance: Array
@@ -100,16 +105,16 @@ class Standings(NamedTuple):
     time_s: Array
     solved: NDArray[np.bool_]
 
-    def of(self, m: int) -> Standing:
+    def of(self, m: int) -> Validity:
         """A copy of one vehicle's."""
-        return Standing(
+        return Validity(
             self.value[m].copy(), self.covariance[m].copy(), self.code[m].copy(), self.number[m].copy(),
             self.stale[m].copy(), self.condition[m].copy(),
             float(self.informed_s[m]), float(self.time_s[m]), bool(self.solved[m]),
         )  # fmt: skip
 
 
-def stand(
+def assess(
     structure: ModeStructure,
     time_s: Array,
     posterior: ConcisePosterior,
@@ -117,7 +122,7 @@ def stand(
     stale_s: float,
     solved: NDArray[np.bool_],
     condition: Array,
-) -> Standings:
+) -> Validities:
     """Validity of m vehicles' derivatives.
 
     A derivative is converged when its standard error is below a quarter of its size or of its natural size (a third
@@ -142,7 +147,7 @@ def stand(
         (posterior.value, natural), covariance, posterior.prior_ratio, len(structure.regressors),
         (stale, solved), code, number,
     )  # fmt: skip
-    return Standings(
+    return Validities(
         posterior.value, covariance, code, number, stale, condition, informed_s.max(axis=1), time_s, solved
     )
 

@@ -161,7 +161,7 @@ class InputDesign:
 
     @property
     def relative_peak_factors(self) -> Array:
-        """(largest - smallest) / (2 sqrt(2) rms) while the surface is out of trim, shape (surfaces,).
+        """(largest - smallest) / (2 sqrt(2) rms) while the surface is out of trim, a ratio, shape (surfaces,).
 
         1 for a sine, 0.71 for steps up and down (Klein and Morelli, equation 9.26 ff).
         """

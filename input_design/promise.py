@@ -84,7 +84,7 @@ class SensedPlant:
         return self.structure not in _REDUCED
 
     def matrices(self, derivatives: Array) -> tuple[Array, Array, Array, Array]:
-        """(a, b, c, d) for derivatives of shape (k,); affine in them."""
+        """(a, b, c, d) for concise derivatives of shape (k,); affine in them."""
         s, alpha = self.structure, self.condition.angle_of_attack_rad
         ns, nu, order = len(s.states), len(s.inputs), self.order
         table = derivatives.reshape(ns, ns + nu)
@@ -201,12 +201,12 @@ class Promise:
 
     @property
     def standard_error(self) -> Array:
-        """Shape (k,)."""
+        """Of the concise derivatives, shape (k,)."""
         return np.asarray(np.sqrt(np.diagonal(self.covariance)))
 
     @property
     def correlation(self) -> Array:
-        """Of the estimates, shape (k, k)."""
+        """Correlation of the estimates, a ratio, shape (k, k)."""
         return np.asarray(self.covariance / np.outer(self.standard_error, self.standard_error))
 
 

@@ -5,7 +5,8 @@ their shape and order in memory, numbers as they are. Nothing in the bytes names
 stranger can at worst be refused. What has no plain declared type cannot be written, and says so when the type is first
 looked at, not when a flight comes by it.
 
-``layout`` writes down all names and types that the bytes follow. Two programs whose layouts differ cannot read each
+``layout`` writes down all names and types that the bytes follow. What was renamed keeps its old name there
+(``stored_name`` of a class, ``stored`` in a field's metadata). Two programs whose layouts differ cannot read each
 other's bytes.
 """
 
@@ -198,8 +199,12 @@ class Codec:
         def read(source: _Source) -> Any:
             return kind(**{name: plan.read(source) for name, plan in parts})
 
-        inside = ", ".join(f"{name}: {plan.layout}" for name, plan in parts)
-        return _Plan(f"{kind.__qualname__}({inside})", write, read)
+        stored = {
+            f.name: f.metadata.get("stored", f.name)
+            for f in getattr(kind, "__dataclass_fields__", {}).values()
+        }
+        inside = ", ".join(f"{stored.get(name, name)}: {plan.layout}" for name, plan in parts)
+        return _Plan(f"{getattr(kind, 'stored_name', lambda: kind.__qualname__)()}({inside})", write, read)
 
     def _union(self, members: tuple[Any, ...]) -> _Plan:
         plans = [self._plan(member) for member in members]

@@ -99,9 +99,11 @@ def move_surfaces(c, s, servo, surface, command, decay, half_step_s):  # type: i
             continue
         bandwidth, play = c[ELEVATOR_BANDWIDTH + j], 0.5 * c[ELEVATOR_BACKLASH + j]
         start = servo[j]
-        told = held(command[j] + c[ELEVATOR_OFFSET + j], c[ELEVATOR_LIMIT + j])
+        demanded = held(command[j] + c[ELEVATOR_OFFSET + j], c[ELEVATOR_LIMIT + j])
         target = (
-            _answered(start, told, c[ELEVATOR_DEAD_BAND + j]) if c[ELEVATOR_DEAD_BAND + j] > 0.0 else told
+            _answered(start, demanded, c[ELEVATOR_DEAD_BAND + j])
+            if c[ELEVATOR_DEAD_BAND + j] > 0.0
+            else demanded
         )
         quick = not math.isinf(bandwidth) and abs(target - start) * bandwidth <= rate_limit
         at = start

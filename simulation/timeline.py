@@ -2,7 +2,7 @@
 
 Between two times the parameters change linearly; a step is two rows at one time, of which the later holds at that
 time. A ramp starts as one piece and is halved while the middle of a piece deviates from the straight line
-by more than ``_STRAY`` of the change, at most ``_HALVINGS`` times: an effect may be non-linear in its severity, and
+by more than ``_DEVIATION`` of the change, at most ``_HALVINGS`` times: an effect may be non-linear in its severity, and
 two that overlap multiply. An effect that is linear alone costs two rows. What is flown is this table, so truth,
 trim and linearisation read it too and no error of the pieces stands between truth and flight.
 """
@@ -21,7 +21,7 @@ from wingwatch.simulation.layout import ALPHA_REFERENCE, GUST_GAIN, GUST_SIGMA, 
 
 __all__ = ["Timeline", "base_row", "timeline"]
 
-_STRAY = 1e-3
+_DEVIATION = 1e-3
 _HALVINGS = 5
 _ROUNDING = 1e-12
 """A change that is less is no step."""
@@ -125,9 +125,9 @@ def _pieces(
     middle = 0.5 * (start + end)
     row = under(middle)
     with np.errstate(invalid="ignore"):
-        stray = np.abs(row - 0.5 * (first + last)) > _STRAY * np.abs(last - first)
-    stray |= np.isinf(first) != np.isinf(last)
-    if halvings == 0 or not stray.any():
+        deviates = np.abs(row - 0.5 * (first + last)) > _DEVIATION * np.abs(last - first)
+    deviates |= np.isinf(first) != np.isinf(last)
+    if halvings == 0 or not deviates.any():
         return []
     left = _pieces(under, start, first, middle, row, halvings - 1)
     return [*left, middle, *_pieces(under, middle, row, end, last, halvings - 1)]

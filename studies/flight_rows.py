@@ -125,14 +125,14 @@ def row_of(plan: FlightPlan, command: str, watch: WatchedFlight) -> dict[str, An
 
 def _said(watch: WatchedFlight) -> dict[str, Any]:
     """What the monitor said, and when."""
-    plan, heard, monitor = watch.plan, watch.heard, watch.monitor
+    plan, observed, monitor = watch.plan, watch.observed, watch.monitor
     flight_s = watch.samples / plan.rate_hz
     healthy_s = flight_s if plan.onset_s is None else min(plan.onset_s, flight_s)
     ends_s = np.inf if plan.onset_s is None else plan.onset_s
-    false = [a.raised for a in heard.alerts.values() if a.raised.raised_s < ends_s]
-    before = [e for t, e in heard.evidence if t <= ends_s]
-    after = [e for t, e in heard.evidence if t > ends_s]
-    soon = [e for t, e in heard.evidence if ends_s < t <= ends_s + _SOON_S]
+    false = [a.raised for a in observed.alerts.values() if a.raised.raised_s < ends_s]
+    before = [e for t, e in observed.evidence if t <= ends_s]
+    after = [e for t, e in observed.evidence if t > ends_s]
+    soon = [e for t, e in observed.evidence if ends_s < t <= ends_s + _SOON_S]
     return {
         "flight_s": flight_s,
         "observed_s": monitor.observable_s,
@@ -140,17 +140,17 @@ def _said(watch: WatchedFlight) -> dict[str, Any]:
         "false_alerts": len(false),
         "false_derivative_alerts": sum(a.channel is None for a in false),
         "false_causes": json.dumps([[a.raised_s, a.kind, a.cause, a.channel] for a in false]),
-        "false_reasons": json.dumps([_reason(a, heard.blocks) for a in false]),
+        "false_reasons": json.dumps([_reason(a, observed.blocks) for a in false]),
         "evidence_max": max(after, default=np.nan),
         "evidence_max_30_s": max(soon, default=np.nan),
         "evidence_max_before": max(before, default=np.nan),
-        "block_scores": json.dumps(_block_scores(heard.blocks)),
+        "block_scores": json.dumps(_block_scores(observed.blocks)),
         "bayes_factor_max": _largest_bayes_factor(watch) if plan.effect == "" else np.nan,
         "threshold": monitor.judge.config.log_threshold,
         "wall_s": watch.wall_s,
         "processor_s": watch.processor_s,
-        "alerts": json.dumps([a.as_json() for a in heard.alerts.values()]),
-        **after_onset(heard.alerts.values(), plan.effect, plan.target, ends_s),
+        "alerts": json.dumps([a.as_json() for a in observed.alerts.values()]),
+        **after_onset(observed.alerts.values(), plan.effect, plan.target, ends_s),
     }
 
 
@@ -195,7 +195,7 @@ def _largest_bayes_factor(watch: WatchedFlight) -> float:
     blocks = max(1, round(watch.plan.seconds / watch.monitor.judge.config.block_s))
     factors = [
         (np.exp(min(e, 700.0)) + max(0, blocks - n)) / blocks
-        for n, (_, e) in enumerate(watch.heard.evidence, start=1)
+        for n, (_, e) in enumerate(watch.observed.evidence, start=1)
     ]
     return float(max(factors, default=1.0))
 
@@ -216,7 +216,7 @@ def _truth(watch: WatchedFlight) -> dict[str, Any]:
             end_s,
             0.5 * _mean_square_share(plan, end_s, monitor.judge.config.block_s) * float(d @ information @ d),
         )
-        for end_s, name, information in watch.heard.information
+        for end_s, name, information in watch.observed.information
         if (d := change.get(name)) is not None and end_s > plan.onset_s
     ]
     window_s = min(RATE_WINDOW_S, watch.samples / plan.rate_hz - plan.onset_s)

@@ -88,13 +88,13 @@ class LocalWorkers:
                 alone or any(attempts.get(t.index, 0) >= _MOST_ATTEMPTS - 1 for t in under_way.values())
             ):
                 return
-            with _deaf_to_ctrl_c():
+            with _ignoring_ctrl_c():
                 under_way[pool.submit(fly_task, waiting[0])] = waiting[0]
             waiting.popleft()
 
 
 @contextmanager
-def _deaf_to_ctrl_c() -> Iterator[None]:
+def _ignoring_ctrl_c() -> Iterator[None]:
     """Processes started inside never get SIGINT, not even while they load: the client ends them."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:

@@ -37,7 +37,7 @@ from wingwatch.studies.grid import UNSENT
 from wingwatch.studies.plan import FlightPlan, manoeuvres
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock, complete, derivations
 
-__all__ = ["UNSENSED", "Heard", "ScoredBlock", "WatchedFlight", "effects_of", "scenario_of"]
+__all__ = ["UNSENSED", "Observed", "ScoredBlock", "WatchedFlight", "effects_of", "scenario_of"]
 
 Array = NDArray[np.float64]
 
@@ -100,7 +100,7 @@ class ScoredBlock(NamedTuple):
 
 
 @dataclass(slots=True)
-class Heard:
+class Observed:
     """What a flight led to so far."""
 
     alerts: dict[str, AlertHistory] = field(default_factory=dict)
@@ -139,7 +139,7 @@ class WatchedFlight:
         )  # fmt: skip
         if not drawn:
             chains.setdefault(kind, self.monitor.chain.of_another())
-        self.heard = Heard()
+        self.observed = Observed()
         self.samples = 0
         self.lost = False
         self.wall_s = self.processor_s = 0.0
@@ -158,20 +158,20 @@ class WatchedFlight:
 
     def hear(self, report: Report) -> None:
         """What the monitor made of them."""
-        heard, monitor = self.heard, self.monitor
+        observed, monitor = self.observed, self.monitor
         now_s = self.samples / self.plan.rate_hz
         for alert in (*report.alerts, *monitor.active_alerts):  # sizes move without a word, too
-            keep_alert(heard.alerts, alert, now_s)
+            keep_alert(observed.alerts, alert, now_s)
         block = monitor.last_block
         if block is None or block is self._block:
             return
         self._block = block
         if monitor.last_verdict is not None:
-            heard.evidence.append((block.end_s, monitor.last_verdict.log_statistic))
+            observed.evidence.append((block.end_s, monitor.last_verdict.log_statistic))
         for name, mode in block.modes.items():
             score = ScoredBlock(name, block.end_s, *self._score(mode))
             if math.isfinite(score.chi_square):
-                heard.blocks.append(score)
+                observed.blocks.append(score)
         for solution in report.solutions:
             for name, mode_solution in solution.modes.items():
                 found = mode_solution.block
@@ -180,7 +180,7 @@ class WatchedFlight:
                     information, _ = at.of_evidence(found.information, found.vector)
                     if mode_solution.reconstructed:  # the monitor goes by the filter alone
                         information = block.modes[name].evidence.information[FOURIER]
-                    heard.information.append((block.end_s, name, information))
+                    observed.information.append((block.end_s, name, information))
 
     def _score(self, mode: ModeBlock) -> tuple[float, float]:
         """Chi-square of expectation minus block value over the covariance stated of both, and degrees of freedom.
@@ -194,12 +194,12 @@ class WatchedFlight:
         natural = np.ones(mode.expected.size)
         change = change_since(mode.expected, covariance, information, vector, np.outer(bias, bias), natural)
         scale = np.sqrt(
-            np.maximum(np.diagonal(change.weight), 0.0)
+            np.maximum(np.diagonal(change.precision), 0.0)
         )  # what is next to nothing may be rounded below it
         seen = scale > 0.0
         if not seen.any():
             return 0.0, 0.0
-        weight = change.weight[np.ix_(seen, seen)] / np.outer(scale[seen], scale[seen])
-        pull = change.pull[seen] / scale[seen]
-        freedom = float(np.linalg.matrix_rank(weight, tol=_RANK * weight.shape[0], hermitian=True))
-        return float(pull @ np.linalg.pinv(weight, rcond=_RANK, hermitian=True) @ pull), freedom
+        precision = change.precision[np.ix_(seen, seen)] / np.outer(scale[seen], scale[seen])
+        vector = change.score[seen] / scale[seen]
+        freedom = float(np.linalg.matrix_rank(precision, tol=_RANK * precision.shape[0], hermitian=True))
+        return float(vector @ np.linalg.pinv(precision, rcond=_RANK, hermitian=True) @ vector), freedom

@@ -81,10 +81,10 @@ def met(likelihood: Quadratic, prior: Belief, low: Array | None = None, high: Ar
         low, high: limits of the last parameters, (k,) each; parameters before them have none.
     """
     whole = likelihood.information + prior.precision
-    pull = likelihood.score - prior.precision @ (likelihood.at - prior.mean)
-    step = np.asarray(np.linalg.solve(whole, pull), dtype=np.float64)
+    gradient = likelihood.score - prior.precision @ (likelihood.at - prior.mean)
+    step = np.asarray(np.linalg.solve(whole, gradient), dtype=np.float64)
     if low is not None and high is not None and len(low):
-        step = _within(whole, pull, step, likelihood.at, (low, high))
+        step = _within(whole, gradient, step, likelihood.at, (low, high))
     mode = likelihood.at + step
     off = mode - prior.mean
     cost = (
@@ -95,11 +95,11 @@ def met(likelihood: Quadratic, prior: Belief, low: Array | None = None, high: Ar
     return Meeting(Belief(mode, whole), volume - cost)
 
 
-def _within(whole: Array, pull: Array, step: Array, at: Array, limits: tuple[Array, Array]) -> Array:
+def _within(whole: Array, gradient: Array, step: Array, at: Array, limits: tuple[Array, Array]) -> Array:
     """The step with its last parameters within limits, the others at their best beside them."""
     k = len(limits[0])
     last = np.clip(at[-k:] + step[-k:], *limits) - at[-k:]
     if np.array_equal(last, step[-k:]):
         return step
-    first = np.linalg.solve(whole[:-k, :-k], pull[:-k] - whole[:-k, -k:] @ last)
+    first = np.linalg.solve(whole[:-k, :-k], gradient[:-k] - whole[:-k, -k:] @ last)
     return np.concatenate([first, last])

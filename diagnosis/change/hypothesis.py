@@ -197,9 +197,9 @@ class _Fit:
 
     def _promised(self, reduced: Reduced, point: Point, step: Array) -> float:
         prior = self.priors[0]
-        pull = reduced.score / self.inflation - prior.precision @ (point.theta - prior.mean)
+        gradient = reduced.score / self.inflation - prior.precision @ (point.theta - prior.mean)
         whole = reduced.information / self.inflation + prior.precision
-        return float(pull @ step - 0.5 * step @ whole @ step)
+        return float(gradient @ step - 0.5 * step @ whole @ step)
 
     def _moved(self, point: Point, reduced: Reduced, taken: Array) -> Point:
         trims = point.trims.copy()

@@ -93,6 +93,11 @@ def beyond_chance(bins: Sequence[BinResiduals], inverse: Array, white: Array, co
 
     The ratio of both variances is a mean over bins of |h e|^2 over its expectation, exponentially distributed, with
     weights w, so a chi-square over its 2 / sum w^2 degrees of freedom.
+
+    Args:
+        bins: residuals of each bin.
+        inverse: of the information, (k, k).
+        white, coloured: covariances of the derivatives for white and for the residuals found, (k, k).
     """
     variance = np.diagonal(white)
     squares = np.zeros_like(variance)

@@ -150,7 +150,7 @@ def channel_fit(
 
 
 def correlation(covariance: Array) -> Array:
-    """Pair-wise correlation from a covariance (5.27), (k, k); NaN where a variance is not positive and finite."""
+    """Pair-wise correlation, a ratio, from a covariance (5.27), (k, k); NaN without a positive, finite variance."""
     variance = np.diagonal(covariance)
     std = np.sqrt(np.where((variance > 0.0) & np.isfinite(variance), variance, np.nan))
     return np.asarray(covariance / np.outer(std, std))
@@ -159,8 +159,9 @@ def correlation(covariance: Array) -> Array:
 def correlated_pairs(
     structure: ModeStructure, correlations: Array, threshold: float = 0.9
 ) -> tuple[tuple[str, str, float], ...]:
-    """Pairs of derivatives that the data hardly tell apart, |correlation| at least ``threshold``, worst first.
+    """Pairs of derivatives that the data hardly distinguish, |correlation| at least ``threshold``, worst first.
 
+    ``correlations``: of k derivatives, (k, k), no unit.
     0.9 is the guideline of Tischler and Remple (2006) that thesis 5.4.1 quotes.
     """
     names = structure.derivatives

@@ -33,7 +33,7 @@ from wingwatch.estimators.batch.manoeuvre import (
     cut,
     signal_columns,
 )
-from wingwatch.estimators.batch.servo import ahead, moved, moves_as_told
+from wingwatch.estimators.batch.servo import ahead, follows_command, moved
 from wingwatch.estimators.estimate import Estimate
 from wingwatch.estimators.inertia_coupling import InertiaCoupling
 from wingwatch.estimators.signals import SignalConfig, Signals, known_moments
@@ -143,7 +143,7 @@ def _prepared(structure: ModeStructure, form: FlightForm, block: SampleBlock) ->
             values[:, CHANNEL_INDEX[channel]] = ahead(position, block.time_s, servo)
             continue
         command = block.column(channel.replace("_rad", "_command_rad"))
-        if moves_as_told(block.column(channel), command, block.time_s, servo):
+        if follows_command(block.column(channel), command, block.time_s, servo):
             values[:, CHANNEL_INDEX[channel]] = ahead(block.column(channel), block.time_s, servo)
     return SampleBlock(values)
 

@@ -231,10 +231,10 @@ def _add(out: _Sums, b: ManoeuvreBins, theta: Array, variance: Array, excess: Ar
     lifted = np.einsum("bij,bo->bijo", weight, b.own).reshape(b.power.size, ne, ne * own)
     seen = weight - 0.5 * np.einsum("bio,op,bjp->bij", lifted, inner, lifted.conj(), optimize=True)
     answer = np.einsum("bij,bjl->bil", seen, noise_to_residual)
-    common = b.noise.heard.conj() * variance
+    common = b.noise.of_regressors.conj() * variance
     g = np.einsum("b,bml,bil->im", b.power, common, answer, optimize=True).real
     correction = g * b.scale
-    products = np.einsum("bml,bnl->bmn", common, b.noise.heard)
+    products = np.einsum("bml,bnl->bmn", common, b.noise.of_regressors)
     noise = np.einsum("b,bij,bmn->imjn", b.power, seen, products, optimize=True).real
     noise *= b.scale[:, None, None] * b.scale
     left_over = residual - b.own @ trims.T

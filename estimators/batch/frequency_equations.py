@@ -59,7 +59,8 @@ class ManoeuvreBins:
 def manoeuvre_bins(
     part: Manoeuvre, forces: NDArray[np.bool_], band_hz: tuple[float, float], drift: bool
 ) -> ManoeuvreBins:
-    """A manoeuvre's equations in a band, with a drift of each equation's own where ``drift``."""
+    """A manoeuvre's equations in a band, with a drift of each equation where ``drift``; ``forces``: which equations are
+    by accelerometer, (equations,)."""
     eq = equations(part, forces, drift)
     ns = eq.rates.shape[1]
     f = harmonics_hz(band_hz, part.duration_s)
@@ -88,7 +89,8 @@ def curved(b: ManoeuvreBins, a: Array) -> tuple[Complex, Complex]:
     """y and R with the states' curvature between samples, as the model has it.
 
     A line between samples misses dt^2/12 of the second derivative's transform, and within a step that is
-    x'' = A x' + B u'. (The real constant that the ends of x' would add is one of the jumps.)
+    x'' = A x' + B u'. (The real constant that the ends of x' would add is one of the jumps.) ``a``: A and B of the
+    present derivatives, (equations, states + inputs).
     """
     ne, ns = a.shape[0], b.states.shape[1]
     whole = b.curvature.known.copy()

@@ -125,12 +125,12 @@ class Manoeuvre:
 
     @property
     def regressors(self) -> Array:
-        """Columns that the referred derivatives multiply, (n, states + inputs): scaled states, then inputs."""
+        """Columns that the referred derivatives multiply, (n, states + inputs): scaled states, inputs; SI units."""
         return np.column_stack([self.states * self.stability[:, None], self.inputs * self.control[:, None]])
 
     @property
     def regressor_scale(self) -> Array:
-        """Mean factor of each column of ``regressors``, (states + inputs,)."""
+        """Mean factor of each column of ``regressors``, (states + inputs,), a ratio to the reference condition."""
         means = float(self.stability.mean()), float(self.control.mean())
         return np.repeat(means, [self.states.shape[1], self.inputs.shape[1]])
 
@@ -180,7 +180,7 @@ class FlightColumns:
     condition: Array
 
     def rows(self, which: slice | NDArray[np.bool_]) -> "FlightColumns":
-        """Some of the samples."""
+        """Some of the samples: a slice, or a mask of shape (samples,)."""
         return FlightColumns(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
 
 
@@ -246,7 +246,8 @@ def _manoeuvre(config: ManoeuvreConfig, rows: FlightColumns) -> Manoeuvre:
 
 
 def signal_columns(structure: ModeStructure, reference: tuple[float, float], rows: Array) -> FlightColumns:
-    """Signal rows as columns; the kinematic term is split into what multiplies the states and the rest."""
+    """Signal rows (samples, columns of ``SignalLayout``) as columns; the kinematic term is split into what multiplies
+    the states and the rest. ``reference``: airspeed in m/s and density in kg/m3 that derivatives refer to."""
     layout = SignalLayout(len(structure.states), len(structure.inputs))
     ns, c = layout.states, layout.kinematic
     pressure, airspeed, density, altitude, alpha = rows[:, c + 1 : c + 6].T

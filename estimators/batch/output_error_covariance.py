@@ -30,7 +30,13 @@ def _indices(problem: Problem, m: int) -> NDArray[np.int64]:
 
 
 def rescaled(problem: Problem, point: Point, inverse: Array, growth: Array) -> Array:
-    """Inverse information with each channel's noise over its degrees of freedom instead of its samples."""
+    """Inverse information with each channel's noise over its degrees of freedom instead of its samples.
+
+    Args:
+        problem, point: the data, and the fit to them.
+        inverse: of the information, (parameters, parameters).
+        growth: samples over degrees of freedom of each channel, (channels,).
+    """
     middle = np.zeros_like(inverse)
     for m in range(len(problem.parts)):
         index = _indices(problem, m)
@@ -41,7 +47,7 @@ def rescaled(problem: Problem, point: Point, inverse: Array, growth: Array) -> A
 
 def coloured_covariance(problem: Problem, point: Point, inverse: Array, growth: Array) -> Array:
     """Covariance for residuals of the correlations that they have, of every channel with itself and with every other
-    one: (5.53) with sensitivities as regressors."""
+    one: (5.53) with sensitivities as regressors. Arguments and shapes as of ``rescaled``."""
     middle = np.zeros_like(inverse)
     lags = max(min(len(p) for p in problem.parts) // 2, 1)
     total = sum(r.shape[0] for r in point.residuals)

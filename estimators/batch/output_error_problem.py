@@ -97,7 +97,8 @@ def problem_of(parts: Sequence[Manoeuvre], drift: bool) -> Problem:
 
 
 def start_at(problem: Problem, theta: Array) -> Array:
-    """Trim constants that hold the mean of each manoeuvre, initial state as first measured."""
+    """Parameters (size,) from common derivatives ``theta`` (common,): trim constants that hold the mean of each
+    manoeuvre, initial state as first measured."""
     parameters = np.zeros(problem.size)
     parameters[: problem.common] = theta
     for m, part in enumerate(problem.parts):
@@ -116,7 +117,8 @@ def start_at(problem: Problem, theta: Array) -> Array:
 
 
 def evaluate(problem: Problem, parameters: Array) -> Point:
-    """Outputs, residuals and sensitivities; an infinite cost where the response is not finite."""
+    """Outputs, residuals and sensitivities at ``parameters``, shape (size,); an infinite cost where the response is not
+    finite."""
     outputs, residuals, sensitivities = [], [], []
     squares = np.zeros(problem.readings[0].shape[1])
     theta = np.ascontiguousarray(parameters[: problem.common])
@@ -147,7 +149,7 @@ def evaluate(problem: Problem, parameters: Array) -> Point:
 
 
 def normal_equations(problem: Problem, point: Point) -> tuple[Array, Array]:
-    """Information matrix and gradient of the likelihood at fixed noise."""
+    """Information matrix (size, size) and gradient (size,) of the likelihood at fixed noise."""
     matrix, vector = np.zeros((problem.size, problem.size)), np.zeros(problem.size)
     c = problem.common
     for m in range(len(problem.parts)):
@@ -170,13 +172,14 @@ def input_noise_effect(problem: Problem, point: Point) -> tuple[Array, Array]:
 
     With G(l) the outputs l steps after a unit noise of one sample, residuals have -sum G n in them and sensitivities
     sum dG/dp n, so the gradient has -sum over inputs of var (N - l) dG/dp' R^-1 G, and the information likewise.
+    Shapes as of ``normal_equations``.
     """
     size, weight = problem.size, 1.0 / point.noise
     matrix, vector = np.zeros((size, size)), np.zeros(size)
     c, ns = problem.common, problem.parts[0].states.shape[1]
     for part, used in zip(problem.parts, problem.used, strict=True):
         steps = min(len(part), math.ceil(_MEMORY_S / part.dt))
-        heard = weight * used.any(axis=0)
+        channel_weight = weight * used.any(axis=0)
         for j in np.flatnonzero(problem.input_noise):
             out, sensitivity = np.empty((steps, weight.size)), np.empty((steps, weight.size, c + problem.own))
             inputs = np.zeros((steps, problem.input_noise.size))
@@ -191,8 +194,10 @@ def input_noise_effect(problem: Problem, point: Point) -> tuple[Array, Array]:
             respond(theta, own, problem.drift, accelerometers, pulse, out, sensitivity)
             often = problem.input_noise[j] * (len(part) - np.arange(steps))
             slopes = sensitivity[:, :, :c]
-            vector[:c] += np.einsum("l,lcp,c,lc->p", often, slopes, heard, out, optimize=True)
-            matrix[:c, :c] += np.einsum("l,lcp,c,lcq->pq", often, slopes, heard, slopes, optimize=True)
+            vector[:c] += np.einsum("l,lcp,c,lc->p", often, slopes, channel_weight, out, optimize=True)
+            matrix[:c, :c] += np.einsum(
+                "l,lcp,c,lcq->pq", often, slopes, channel_weight, slopes, optimize=True
+            )
     return matrix, vector
 
 

@@ -21,7 +21,7 @@ from wingwatch.estimators.batch.manoeuvre import Manoeuvre, ManoeuvreConfig
 from wingwatch.estimators.batch.smoothing import white_noise_std
 from wingwatch.estimators.estimate import Estimate, Outcome
 from wingwatch.estimators.reference import offsets, referred_scale
-from wingwatch.estimators.standing import ConcisePosterior, stand
+from wingwatch.estimators.standing import ConcisePosterior, assess
 
 __all__ = [
     "Equations",
@@ -63,20 +63,20 @@ class NoiseModel:
     """Noise of both sides of the equations from that of states, accelerometers and inputs, by frequency.
 
     Attributes:
-        heard: of the regressors, (bins, states + inputs, noises): a sensor's own each, but a reconstructed velocity's
-            is the integral of that of the accelerometer and of the measured rates in its kinematics (7.2). (What the
-            ends of the integral add is a drift.)
+        of_regressors: (bins, states + inputs, noises): a sensor's own each, but a reconstructed velocity's is the
+            integral of that of the accelerometer and of the measured rates in its kinematics (7.2). (What the ends of
+            the integral add is a drift.)
         plain: how y answers to errors of the states, (bins, equations, states).
         left: of y, (bins, equations, noises).
     """
 
-    heard: Complex
+    of_regressors: Complex
     plain: Complex
     left: Complex
 
     def residual(self, scaled: Array) -> Complex:
-        """L of e = L n for derivatives times the regressors' scale, (equations, regressors)."""
-        return np.asarray(self.left - scaled @ self.heard)
+        """L of e = L n for concise derivatives times the regressors' scale, (equations, regressors)."""
+        return np.asarray(self.left - scaled @ self.of_regressors)
 
 
 _LARGE, _TELLING = 0.1, 1.5
@@ -192,7 +192,8 @@ def common_forces(parts: Sequence[Manoeuvre]) -> NDArray[np.bool_]:
 
 
 def equations(part: Manoeuvre, forces: NDArray[np.bool_], drift: bool) -> Equations:
-    """The equations of a manoeuvre: those of ``forces`` by accelerometer, the others by the state's derivative."""
+    """The equations of a manoeuvre: those of ``forces`` (equations,) by accelerometer, the others by the state's
+    derivative; ``drift``: with a term that grows with time."""
     s = part.config.structure
     ne, ns = len(s.equations), len(s.states)
     rates = np.where(forces[:, None], part.config.lever_m, np.eye(ne, ns))
@@ -205,7 +206,7 @@ def equations(part: Manoeuvre, forces: NDArray[np.bool_], drift: bool) -> Equati
 
 
 def equation_names(config: ManoeuvreConfig, forces: NDArray[np.bool_]) -> list[str]:
-    """What each equation's left side is called: ``a_z`` or ``dw/dt``, ``dq/dt`` and so on."""
+    """Name of each equation's left side: ``a_z`` where ``forces`` (equations,) is true, else ``dw/dt`` and so on."""
     s = config.structure
     return [
         f"a_{row}" if by_accelerometer else f"d{state}/dt"
@@ -215,7 +216,7 @@ def equation_names(config: ManoeuvreConfig, forces: NDArray[np.bool_]) -> list[s
 
 def sensor_noise(parts: Sequence[Manoeuvre], forces: NDArray[np.bool_]) -> Array:
     """Variances of white noise of states, accelerometers and inputs, (states + equations + inputs,), each from
-    its third differences.
+    its third differences, in the squares of the channels' SI units.
 
     A reconstructed velocity is an integral and has none; an accelerometer that is not used and a held input have 0.
     """
@@ -231,7 +232,9 @@ def sensor_noise(parts: Sequence[Manoeuvre], forces: NDArray[np.bool_]) -> Array
 
 
 def stated_noise(parts: Sequence[Manoeuvre], forces: NDArray[np.bool_], noise_std: Sequence[float]) -> Array:
-    """Variances as ``sensor_noise`` gives them, from ``noise_std`` where that is not empty.
+    """Variances as of ``sensor_noise``, (states + equations + inputs,), from ``noise_std`` if that is not empty.
+
+    ``noise_std``: standard deviations in the channels' SI units, in this order.
 
     Raises:
         ValueError: another number of entries.
@@ -248,21 +251,21 @@ def stated_noise(parts: Sequence[Manoeuvre], forces: NDArray[np.bool_], noise_st
 
 
 def noise_model(part: Manoeuvre, eq: Equations, s: Complex) -> NoiseModel:
-    """How the regressors' and the equations' noise come of the sensors' at s = j omega."""
+    """How the regressors' and the equations' noise follow from the sensors' at s = j omega, rad/s, (bins,)."""
     (ne, ns), width = eq.rates.shape, part.regressor_scale.size
     noises = ns + ne + width - ns
-    heard = np.zeros((s.size, width, noises), dtype=np.complex128)
-    heard[:, range(width), [*range(ns), *range(ns + ne, noises)]] = 1.0
+    of_regressors = np.zeros((s.size, width, noises), dtype=np.complex128)
+    of_regressors[:, range(width), [*range(ns), *range(ns + ne, noises)]] = 1.0
     for i in np.flatnonzero(~part.measured & np.pad(eq.forces, (0, ns - ne))):
         turn = part.known[:, i].mean(axis=0)
         turn[i] = 0.0
-        heard[:, i] = 0.0
-        heard[:, i, :ns] = turn / s[:, None]
-        heard[:, i, ns + i] = 1.0 / s
+        of_regressors[:, i] = 0.0
+        of_regressors[:, i, :ns] = turn / s[:, None]
+        of_regressors[:, i, ns + i] = 1.0 / s
     plain = s[:, None, None] * eq.rates + eq.gain
-    left = plain @ heard[:, :ns]
+    left = plain @ of_regressors[:, :ns]
     left[:, np.arange(ne), ns + np.arange(ne)] += eq.forces
-    return NoiseModel(heard, plain, left)
+    return NoiseModel(of_regressors, plain, left)
 
 
 def noise_names(config: ManoeuvreConfig) -> list[str]:
@@ -272,7 +275,7 @@ def noise_names(config: ManoeuvreConfig) -> list[str]:
 
 
 def plain_start(parts: Sequence[Manoeuvre]) -> Array:
-    """Referred derivatives by plain least squares on central differences, (k,): a start for what iterates."""
+    """Referred derivatives, concise, by plain least squares on central differences, (k,): a start for iterations."""
     config = shared_config(parts)
     ne = len(config.structure.equations)
     forces = common_forces(parts)
@@ -354,9 +357,9 @@ def finished(
 ) -> tuple[Estimate, Fit]:
     """Estimate and statistics from referred derivatives and their covariances.
 
-    A derivative is converged, settling or not observable as online (``standing``); ``natural`` is its
+    A derivative is converged, settling or not observable as online (``standing``); ``natural`` (k,) is its
     natural size (its own value where None), and ``left_over`` what rejects derivatives because the model does not
-    hold.
+    hold. ``noise_std``: by channel, in SI units.
     """
     config = parts[0].config
     structure = config.structure
@@ -373,10 +376,10 @@ def finished(
     end = float(parts[-1].time_s[-1])
     informed = np.where(hidden, -np.inf, end)
     posterior = ConcisePosterior(value[None], covariance[None], 3.0 * size[None])
-    standing = stand(
+    validity = assess(
         structure, np.array([end]), posterior, informed[None], np.inf, np.array([True]), condition[None]
     ).of(0)
-    estimate = standing.estimate(name, structure)
+    estimate = validity.estimate(name, structure)
     estimate = _named(_rejected(estimate, [found for found in left_over if found is not None]), hidden)
     fit = Fit(
         channels, correlation(estimate.covariance),

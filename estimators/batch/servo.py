@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from wingwatch.estimators.kernels.intersample import course, frames_of
 
-__all__ = ["ahead", "lead_steps", "moved", "moves_as_told"]
+__all__ = ["ahead", "lead_steps", "moved", "follows_command"]
 
 Array = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ def lead_steps(bandwidth_rad_s: float, dt: float) -> float:
     return float(held.mean + held.mean_before) - 0.5
 
 
-def moves_as_told(position: Array, command: Array, time_s: Array, bandwidth_rad_s: float) -> bool:
+def follows_command(position: Array, command: Array, time_s: Array, bandwidth_rad_s: float) -> bool:
     """Whether a record of positions is that of a servo whose commands are held from each sample to the next.
 
     With e = exp(-b dt), x_(k+1) - e x_k = (1 - e) (c_k + f (c_(k+1) - c_k) - g (c_k - c_(k-1))), where f and g are 0 if
@@ -57,15 +57,15 @@ def moves_as_told(position: Array, command: Array, time_s: Array, bandwidth_rad_
     stays = math.exp(-bandwidth_rad_s * dt)
     left = (position[1:] - stays * position[:-1])[1:] - (1.0 - stays) * command[1:-1]
     change = (1.0 - stays) * np.diff(command)
-    told = np.column_stack([np.ones(left.size), change[1:], -change[:-1]])
+    regressors = np.column_stack([np.ones(left.size), change[1:], -change[:-1]])
     even = np.abs(np.diff(time_s) - dt) < 0.01 * dt
-    fair = np.isfinite(left) & np.isfinite(told).all(axis=1) & even[1:] & even[:-1]
-    told, left = told[fair], left[fair]
-    power = told.T @ told
-    if np.count_nonzero(fair) < _FEWEST or np.linalg.matrix_rank(power) < told.shape[1]:
+    fair = np.isfinite(left) & np.isfinite(regressors).all(axis=1) & even[1:] & even[:-1]
+    regressors, left = regressors[fair], left[fair]
+    power = regressors.T @ regressors
+    if np.count_nonzero(fair) < _FEWEST or np.linalg.matrix_rank(power) < regressors.shape[1]:
         return False
-    share = np.linalg.solve(power, told.T @ left)
-    error = np.sqrt(np.mean((left - told @ share) ** 2) * np.diagonal(np.linalg.inv(power)))
+    share = np.linalg.solve(power, regressors.T @ left)
+    error = np.sqrt(np.mean((left - regressors @ share) ** 2) * np.diagonal(np.linalg.inv(power)))
     return bool((np.abs(share) + _SURE * error)[1:].max() < _EARLY)
 
 
@@ -87,14 +87,17 @@ def moved(command: Array, time_s: Array, bandwidth_rad_s: float, max_gap_s: floa
             continue
         frames = frames_of(step_s)
         stays, at = math.exp(-bandwidth_rad_s * step_s / frames), position[k]
-        for told in command[k] + np.arange(frames) / frames * (command[k + 1] - command[k]):
-            at = told + stays * (at - told)
+        for commanded in command[k] + np.arange(frames) / frames * (command[k + 1] - command[k]):
+            at = commanded + stays * (at - commanded)
         position[k + 1] = at
     return position
 
 
 def ahead(position: Array, time_s: Array, bandwidth_rad_s: float) -> Array:
-    """Positions whose line has the servo's mean over every step but for second order: x + (s - 1/2) dt x'."""
+    """Positions (n,), rad, whose line has the servo's mean over every step but for second order: x + (s - 1/2) dt x'.
+
+    ``position`` in rad and ``time_s``: (n,).
+    """
     dt = float(np.median(np.diff(time_s)))
     slope = np.gradient(position, time_s)
     return np.asarray(position + lead_steps(bandwidth_rad_s, dt) * dt * slope)

@@ -69,14 +69,14 @@ def busiest_cutoff_hz(parts: Sequence[Manoeuvre]) -> float:
     return min(max(found), most) if found else most
 
 
-def passed(columns: Array, dt: float, cutoff_hz: float, stretch: Array | None = None) -> Array:
-    """Every column through the smoothing; ``stretch`` (columns, n - 2) multiplies the gains."""
+def passed(columns: Array, dt: float, cutoff_hz: float, gain_factor: Array | None = None) -> Array:
+    """Every column, of samples ``dt`` s apart, smoothed; ``gain_factor`` (columns, n - 2) multiplies the gains."""
     out = np.empty_like(columns)
     for j in range(columns.shape[1]):
         series = sine_series(columns[:, j], dt)
         gains = wiener_gains(series, cutoff_hz)
-        if stretch is not None:
-            gains = gains * stretch[j]
+        if gain_factor is not None:
+            gains = gains * gain_factor[j]
         out[:, j] = np.linspace(series.first, series.last, columns.shape[0])
         out[1:-1, j] += 0.5 * dst(gains * series.coefficients, type=1)
     return out
@@ -135,8 +135,8 @@ def smoothed(
     left = (passed(direct, dt, cutoff_hz) + slopes @ eq.rates.T)[inner]
     inputs, factor = _held_as_smooth(part)
     moved = np.column_stack([states * part.stability[:, None], inputs])
-    stretch = np.vstack([np.ones((ns, n - 2)), factor])
-    by_rate = passed(moved, dt, cutoff_hz, stretch)[inner]
+    gain_factor = np.vstack([np.ones((ns, n - 2)), factor])
+    by_rate = passed(moved, dt, cutoff_hz, gain_factor)[inner]
     by_force = passed(eq.regressors, dt, cutoff_hz)[inner]
     trims, _ = np.linalg.qr(passed(eq.trims, dt, cutoff_hz)[inner])
     right = np.stack([by_force if f else by_rate for f in forces])
@@ -158,21 +158,21 @@ def _expected_noise(
 ) -> SumNoise:
     """What the sensors' noise makes of sums over the samples that are kept, smoothed and without ``trims``."""
     count = trims.shape[0]
-    heard = gains > 1e-3
-    s = np.asarray(2j * np.pi * frequency_hz[heard], dtype=np.complex128)
-    power = gains[heard] ** 2
+    in_band = gains > 1e-3
+    s = np.asarray(2j * np.pi * frequency_hz[in_band], dtype=np.complex128)
+    power = gains[in_band] ** 2
     model = noise_model(part, eq, s)
     answer = model.residual(theta * part.regressor_scale)
     spectrum = np.einsum("bim,m,bjm,b->ijb", answer.conj(), variance, answer, power, optimize=True)
     spectrum /= len(part) - 1
-    order = np.flatnonzero(heard) + 1
+    order = np.flatnonzero(in_band) + 1
     sources = np.einsum("bim,m,b->im", np.abs(answer) ** 2, variance, power) / (len(part) - 1)
     power *= _kept_share(order, len(part), trims)
-    common = np.einsum("bml,l,m->bml", model.heard.conj(), variance, part.regressor_scale)
+    common = np.einsum("bml,l,m->bml", model.of_regressors.conj(), variance, part.regressor_scale)
     products = np.einsum("bml,bjl->bjm", common, answer, optimize=True)
     crossed = np.einsum("bjm,bik,b->imjk", products, products, power**2, optimize=True).real
     right = np.einsum(
-        "bml,bnl,b->mn", common, model.heard * part.regressor_scale[:, None], power, optimize=True
+        "bml,bnl,b->mn", common, model.of_regressors * part.regressor_scale[:, None], power, optimize=True
     )
     left = np.einsum("bml,bjl,b->jm", common, model.left, power, optimize=True)
     total = np.einsum("iib->b", spectrum).real

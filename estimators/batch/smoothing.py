@@ -55,7 +55,7 @@ class SineSeries:
 
     @property
     def frequency_hz(self) -> Array:
-        """Frequency of each term (6.17)."""
+        """Frequency of each term in Hz, (samples - 2,) (6.17)."""
         return np.arange(1, self.samples - 1) / (2.0 * (self.samples - 1) * self.dt)
 
     def cutoff_hz(self, noise_std: float) -> float:
@@ -81,7 +81,7 @@ def _evenly(signal: ArrayLike, dt: float, least: int) -> Array:
 
 
 def white_noise_std(signal: ArrayLike) -> float:
-    """Standard deviation of the white noise in an evenly spaced signal, (n,), from its third differences.
+    """Standard deviation of the white noise in an evenly spaced signal, (n,), in its unit, from its third differences.
 
     A smooth signal hardly has any, white noise has 20 times its variance in them. Where the signal has kinks (an
     input that jumps) they stand out and are left out.
@@ -132,7 +132,7 @@ def wiener_gains(series: SineSeries, cutoff_hz: float) -> Array:
 
 
 def sine_derivative(series: SineSeries, gains: Array) -> Array:
-    """Derivative of the line and the weighted sine series at every sample (6.24), (n,)."""
+    """Derivative of the line and the weighted sine series at every sample (6.24), (n,), per s."""
     n = series.samples
     terms = np.zeros(n)
     terms[1:-1] = gains * series.coefficients * 2.0 * np.pi * series.frequency_hz

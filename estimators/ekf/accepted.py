@@ -24,7 +24,7 @@ SIGNAL, NOISE, UNDECIDED = 1, 0, -1
 
 
 def prior_accepted(value: Array, std: Array, coherence: Coherence) -> Accepted:
-    """Before the first sample: the prior, and nothing gained."""
+    """Before the first sample: the prior, nothing gained; ``value``, ``std``: derivatives at the reference, (k,)."""
     k, vehicles = value.size, len(coherence.level)
     return Accepted(
         np.tile(value, (vehicles, 1)), np.tile(np.diag(std**2), (vehicles, 1, 1)), np.zeros((vehicles, k, k)),

@@ -66,7 +66,10 @@ class Residuals(NamedTuple):
 
 @hot
 def inertial_motion(new, old, dt, ns, kinematic):  # type: ignore[no-untyped-def]
-    """How far the first state goes between two signal rows by specific force and kinematics, m/s."""
+    """How far the first state goes between two signal rows by specific force and kinematics, m/s.
+
+    ``new``, ``old``: signal rows, (columns,); ``dt``: between them, s; ``ns``: number of states.
+    """
     force = 1 + ns
     return 0.5 * dt * (new[force] + new[kinematic] + old[force] + old[kinematic])
 
@@ -75,7 +78,8 @@ def inertial_motion(new, old, dt, ns, kinematic):  # type: ignore[no-untyped-def
 def learn_noise(model, noise, memory, i, sample, z, after, rate):  # type: ignore[no-untyped-def]
     """Noise that needs no filter: the sensors', the inputs', and the gusts that the vane sees against inertial motion.
 
-    ``after`` is what the filter predicts after ``z``, ``rate`` the weight of the sample in the means.
+    ``after`` (augmented,) is what the filter predicts after ``z`` (augmented,), ``rate`` the weight of the sample in
+    the means.
     """
     ns = model.sizes.states
     learn_reading_noise(

@@ -59,9 +59,9 @@ def correct(model, posterior, readings, gains):  # type: ignore[no-untyped-def]
 
     Args:
         model: of the filter.
-        posterior: predicted, corrected in place.
+        posterior: predicted state z (nz,) and covariance (nz, nz), corrected in place.
         readings: the measurements.
-        gains: filled.
+        gains: filled, (states + 1, nz).
 
     Returns:
         the accelerometer's residual after correction, and its variance due to the state, H P H'.

@@ -61,7 +61,7 @@ from wingwatch.estimators.kernels.reading_noise import READING_MEMORY
 from wingwatch.estimators.lanes import Lanes, all_lanes
 from wingwatch.estimators.reference import offsets, referred_scale
 from wingwatch.estimators.signals import SignalLayout
-from wingwatch.estimators.standing import ConcisePosterior, Standings, stand
+from wingwatch.estimators.standing import ConcisePosterior, Validities, assess
 from wingwatch.kernels.by_address import ByAddress
 
 __all__ = ["EkfConfig", "EkfEstimator", "EkfState"]
@@ -334,9 +334,9 @@ class EkfEstimator:
 
     def estimate(self, state: EkfState, vehicle: int = 0) -> Estimate:
         """Concise derivatives of one vehicle as of the last sample, at its present flight condition."""
-        return self.standings(state, np.array([vehicle])).of(0).estimate(self.name, self.config.structure)
+        return self.validities(state, np.array([vehicle])).of(0).estimate(self.name, self.config.structure)
 
-    def standings(self, state: EkfState, places: NDArray[np.int64]) -> Standings:
+    def validities(self, state: EkfState, places: NDArray[np.int64]) -> Validities:
         """The same of some vehicles, (m,), in numbers."""
         c, parameters, z = self.config, self._parameters, state.z[places]
         _, airspeed, density, altitude, alpha = state.condition[places].T
@@ -350,7 +350,7 @@ class EkfEstimator:
         covariance *= scale[:, :, None] * scale[:, None, :]
         posterior = ConcisePosterior(value, covariance, 3.0 * c.prior_std * scale, prior_ratio=1.0)
         condition = np.stack([airspeed, altitude, density, alpha], axis=1)
-        return stand(
+        return assess(
             c.structure, row[:, TIME], posterior, state.informed_s[places], c.stale_s,
             state.samples[places] > WARM_UP, condition,
         )  # fmt: skip

@@ -34,7 +34,8 @@ FOLLOWED_STEPS = 40
 
 @hot
 def track_readings(moments, new, ns, nu):  # type: ignore[no-untyped-def]
-    """Sum and sum of squares of each state and input of a signal row, about its first reading; see ``EkfState``."""
+    """Sum and sum of squares of each state and input of a signal row (columns,), about its first reading, into
+    ``moments``; see ``EkfState``."""
     for j in range(ns + nu):
         reading = new[1 + j if j < ns else 2 + j]
         if moments[j, READINGS] == 0.0:

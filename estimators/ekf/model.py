@@ -51,7 +51,7 @@ LEAST_PART = 1e-9
 
 @hot
 def acceleration_state(ns, k):  # type: ignore[no-untyped-def]
-    """Place in the augmented state of the unmeasured acceleration of equation k, where that has one."""
+    """Place (a scalar) in the augmented state of equation k's unmeasured acceleration, where that has one."""
     if k == 1:
         return ns + ACCELERATION
     return ns + PATH + ns + (0 if k == 0 else k - 1)
@@ -69,7 +69,8 @@ def mean_decay(decay):  # type: ignore[no-untyped-def]
 
 @hot
 def gust_turn(model):  # type: ignore[no-untyped-def]
-    """Rate of the air that a gust's unit step makes, 1/m: pitch +, yaw -, smoothed over the span; 0 without one."""
+    """Rate of the air that a gust's unit step makes, a scalar in 1/m: pitch +, yaw -, smoothed over the span; 0 without
+    one."""
     if model.sizes.gusts == 0:
         return 0.0
     turn = 1.0 / model.gust_length_m[TURN]

@@ -96,8 +96,8 @@ def forget_block(state: EkfState, i: int) -> None:
 
 
 def stated_dispersions(state: EkfState, places: NDArray[np.int64]) -> Array:
-    """What stated variances of some vehicles (m,) are multiplied by, by equation, (m, ns): what blocks scatter, or
-    what goes with the motion."""
+    """Ratio by which the stated variances of vehicles (m,) grow, by equation, (m, ns): scatter of blocks, or what goes
+    with the motion."""
     out = np.ones((places.size, state.scatter.coherent.shape[1]))
     _stated_into(state.scatter.equations, state.coherence, places, out)
     return out
@@ -161,7 +161,7 @@ def dispersion_before(scatter: Scatter, i: int) -> Array:
 
 
 def dispersed(matrix: Array, vector: Array, dispersion: Array) -> tuple[Array, Array]:
-    """Evidence (k, k), (k,) with its covariance made larger by the dispersions (ns,)."""
+    """Evidence (k, k), (k,) with its covariance made larger by the dispersions (ns,), ratios of variances."""
     matrix, vector, scatter = matrix.copy(), vector.copy(), np.zeros((dispersion.size, 3))
     scatter[:, DISPERSION] = dispersion
     disperse(matrix, vector, np.zeros_like(vector), scatter, dispersion_workspace(vector.size))

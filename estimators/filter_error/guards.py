@@ -69,7 +69,7 @@ class _Sums:
 
     groups: list[Array]
     information: Array
-    echo: Array
+    surface_noise: Array
     driven: Array
     driven_score: Array
     cross: Array
@@ -98,7 +98,7 @@ def _gathered(problem: Problem, point: Evaluation) -> _Sums:
         score = s.score().reshape(size, samples, channels).sum(axis=2)
         sums.groups.extend(_grouped(score, max(round(_GROUP_S / window.dt), 1)))
         sums.information += s.information()
-        sums.echo += s.echo_scatter
+        sums.surface_noise += s.surface_noise_scatter
         driven = _driven(problem, point, m, s)
         sums.driven += driven @ driven.T
         sums.driven_score += driven @ s.innovations
@@ -172,7 +172,7 @@ def _scatter(problem: Problem, sums: _Sums) -> float:
     mean = sums.information / groups.shape[0]
     metric = np.linalg.inv(mean + _prior_information(problem))
     found = float(np.einsum("ga,ab,gb->", groups, metric, groups))
-    expected = groups.shape[0] * float(np.trace(mean @ metric)) + float(np.trace(sums.echo @ metric))
+    expected = groups.shape[0] * float(np.trace(mean @ metric)) + float(np.trace(sums.surface_noise @ metric))
     return float(np.sqrt(max(1.0, (_PRIOR_GROUPS + found) / (_PRIOR_GROUPS + expected))))
 
 
@@ -185,12 +185,14 @@ def _whiteness(problem: Problem, point: Evaluation) -> float:
     channels = problem.windows[0].readings.shape[1]
     sums = np.zeros((_LAGS, channels, channels))
     squares = np.zeros_like(sums)
-    for window, trace, echoes in zip(problem.windows, point.traces, point.echoes, strict=True):
+    for window, trace, surface_noises in zip(
+        problem.windows, point.traces, point.surface_noises, strict=True
+    ):
         e = trace.innovations / np.sqrt(trace.variances)
         for lag in range(1, min(_LAGS, len(window) - 1) + 1):
             sums[lag - 1] += e[lag:].T @ e[:-lag]
-            for echo in (row.reshape(-1, channels) for row in echoes):
-                sums[lag - 1] -= echo[lag:].T @ echo[:-lag]
+            for surface_noise in (row.reshape(-1, channels) for row in surface_noises):
+                sums[lag - 1] -= surface_noise[lag:].T @ surface_noise[:-lag]
             squares[lag - 1] += (e[lag:] ** 2).T @ e[:-lag] ** 2
     seen = squares > 0.0
     count = int(np.count_nonzero(seen))

@@ -89,8 +89,8 @@ class Evaluation:
         systems, traces: of each window.
         own: each window's own constants, (channels + states,).
         own_columns: what they add to the innovations, (channels + states, samples, channels) each.
-        echoes: innovations that the noise of measured surfaces makes, whitened, so that their squares add to what it
-            adds to the cost, (inputs, readings) each; empty where surfaces are known without noise.
+        surface_noises: innovations that the noise of measured surfaces makes, whitened, so that their squares add to
+            what it adds to the cost, (inputs, readings) each; empty where surfaces are known without noise.
     """
 
     parameters: Array
@@ -99,7 +99,7 @@ class Evaluation:
     traces: list[Trace]
     own: list[Array]
     own_columns: list[Array]
-    echoes: list[Array]
+    surface_noises: list[Array]
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,18 +111,18 @@ class Sensitivities:
         variance: ds/dp / s, (size, readings).
         innovations: e / sqrt(s), (readings,).
         used: whether a reading is there, (readings,).
-        echo_score: what the noise of surfaces takes from the score, (size,).
-        echo_information: what it adds to the information, (size, size).
-        echo_scatter: what it adds to the score's variance, (size, size).
+        surface_noise_score: what the noise of surfaces takes from the score, (size,).
+        surface_noise_information: what it adds to the information, (size, size).
+        surface_noise_scatter: what it adds to the score's variance, (size, size).
     """
 
     predicted: Array
     variance: Array
     innovations: Array
     used: NDArray[np.bool_]
-    echo_score: Array
-    echo_information: Array
-    echo_scatter: Array
+    surface_noise_score: Array
+    surface_noise_information: Array
+    surface_noise_scatter: Array
 
     def score(self) -> Array:
         """Gradient of the log-likelihood by reading, without (3), (size, readings)."""
@@ -135,7 +135,8 @@ class Sensitivities:
 
 
 def evaluate(problem: Problem, p: Array) -> Evaluation | None:
-    """The likelihood at p; None where the motion would grow without bounds or nothing finite comes out."""
+    """The likelihood at parameters p (size,) of ``FilterModel.layout``; None where the motion would grow without bounds
+    or the result is not finite."""
     model = problem.model
     if any(model.growth(p, w) > _FASTEST_GROWTH for w in problem.windows):
         return None
@@ -156,16 +157,16 @@ def evaluate(problem: Problem, p: Array) -> Evaluation | None:
         point.traces.append(trace)
         point.own.append(own)
         point.own_columns.append(columns)
-        echo = _echo(model, p, window, system, trace)
-        point.echoes.append(echo)
+        surface_noise = _surface_noise(model, p, window, system, trace)
+        point.surface_noises.append(surface_noise)
         cost += 0.5 * float(np.sum(trace.innovations**2 / trace.variances + np.log(trace.variances)))
-        cost -= 0.5 * float(np.sum(echo**2))
+        cost -= 0.5 * float(np.sum(surface_noise**2))
     if not math.isfinite(cost):
         return None
     return replace(point, cost=cost)
 
 
-def _echo(model: FilterModel, p: Array, window: Window, system: System, trace: Trace) -> Array:
+def _surface_noise(model: FilterModel, p: Array, window: Window, system: System, trace: Trace) -> Array:
     """Innovations after one sample's noise of each measured input, whitened and as strong as all samples' together,
     (inputs, readings). The sample is one from which on the gains have settled."""
     inputs, often = _noisy(window), window.moving.sum(axis=0)
@@ -191,7 +192,7 @@ def _noisy(window: Window) -> NDArray[np.int64]:
     return np.flatnonzero(window.input_noise * window.moving.sum(axis=0))
 
 
-def _echo_scatter(window: Window, predicted: Array, echoes: Array) -> Array:
+def _surface_noise_scatter(window: Window, predicted: Array, surface_noises: Array) -> Array:
     """Variance of the score that the surfaces' noise in the innovations makes, (size, size)."""
     size, channels = predicted.shape[0], window.readings.shape[1]
     total = np.zeros((size, size))
@@ -199,7 +200,7 @@ def _echo_scatter(window: Window, predicted: Array, echoes: Array) -> Array:
     for place, j in enumerate(_noisy(window)):
         moving = window.moving[:, j]
         # the pulse is at the second sample of a response
-        answer = echoes[place].reshape(-1, channels)[1:] / math.sqrt(np.count_nonzero(moving))
+        answer = surface_noises[place].reshape(-1, channels)[1:] / math.sqrt(np.count_nonzero(moving))
         answered = sum(
             scipy.signal.fftconvolve(rows[:, :, c], answer[::-1, c][None], axes=1)[:, answer.shape[0] - 1 :]
             for c in range(channels)
@@ -250,7 +251,7 @@ def _least_squares(columns: Array, trace: Trace) -> Array:
 
 
 def information_inverse(matrix: Array) -> Array:
-    """Pseudo-inverse of an information matrix whose entries have different units."""
+    """Pseudo-inverse of an information matrix (n, n) whose entries have different units."""
     diagonal = np.diagonal(matrix)
     scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, np.inf))
     return np.asarray(
@@ -264,7 +265,7 @@ class _Lane:
 
     innovations: Array
     variances: Array
-    echo: Array
+    surface_noise: Array
 
 
 def _lane(problem: Problem, point: Evaluation, m: int, i: int, step: float) -> _Lane:
@@ -280,7 +281,7 @@ def _lane(problem: Problem, point: Evaluation, m: int, i: int, step: float) -> _
         there.renewed,
     )
     innovations(system, model.record(moved, window, point.own[m]), lane, False)
-    return _Lane(lane.innovations, lane.variances, _echo(model, moved, window, system, lane))
+    return _Lane(lane.innovations, lane.variances, _surface_noise(model, moved, window, system, lane))
 
 
 def sensitivities(problem: Problem, point: Evaluation, m: int) -> Sensitivities:
@@ -289,21 +290,22 @@ def sensitivities(problem: Problem, point: Evaluation, m: int) -> Sensitivities:
     readings = trace.innovations.size
     root = 1.0 / np.sqrt(trace.variances)
     predicted, variance = np.zeros((size, readings)), np.zeros((size, readings))
-    echoes = np.zeros((size, *point.echoes[m].shape))
+    surface_noises = np.zeros((size, *point.surface_noises[m].shape))
     for i in np.flatnonzero(problem.free).tolist():
         step = problem.prior.step[i]
         there = _lane(problem, point, m, i, step)
         predicted[i] = ((trace.innovations - there.innovations) * root).ravel() / step
         variance[i] = ((there.variances - trace.variances) / trace.variances).ravel() / step
-        echoes[i] = (there.echo - point.echoes[m]) / step
+        surface_noises[i] = (there.surface_noise - point.surface_noises[m]) / step
     x = (point.own_columns[m] * root).reshape(-1, readings)
     predicted -= (predicted @ x.T) @ information_inverse(x @ x.T) @ x
-    flat = echoes.reshape(size, -1)
+    flat = surface_noises.reshape(size, -1)
     driven = (
         flat.copy()
     )  # noises change how a response is weighted, not what it is of: that is in the information already
     driven[problem.model.layout.theta.stop :] = 0.0
     return Sensitivities(
         predicted, variance, (trace.innovations * root).ravel(), window.used.ravel(),
-        flat @ point.echoes[m].ravel(), driven @ driven.T, _echo_scatter(window, predicted, point.echoes[m]),
+        flat @ point.surface_noises[m].ravel(), driven @ driven.T,
+        _surface_noise_scatter(window, predicted, point.surface_noises[m]),
     )  # fmt: skip

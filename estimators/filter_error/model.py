@@ -171,7 +171,7 @@ class FilterModel:
         return len(self.layout.structure.states)
 
     def physical(self, p: Array) -> Physical:
-        """Parameters in their units."""
+        """Parameters p (size,) in their units."""
         at, ns = self.layout, self.states
         sizes = self.natural.reshape(ns, -1)
         theta = p[at.theta].reshape(ns, -1) * sizes
@@ -182,7 +182,7 @@ class FilterModel:
         )  # fmt: skip
 
     def growth(self, p: Array, window: Window) -> float:
-        """Rate of the fastest growing motion of the derivatives and of their copy, 1/s."""
+        """Rate of the fastest growing motion of the derivatives and of their copy at p (size,), 1/s."""
         values, ns, middle = self.physical(p), self.states, float(window.levels.mean())
         both = (values.derivatives[:, :ns], values.copy)
         return max(float(np.linalg.eigvals(window.known + middle * a).real.max()) for a in both)
@@ -192,7 +192,7 @@ class FilterModel:
         return 2 * self.states + 3 + 2 * self._has_lag(window) + self.layout.disturbances
 
     def system(self, p: Array, window: Window) -> System:
-        """The filter at parameters p."""
+        """The filter at parameters p (size,), with the step of the window in seconds."""
         values = self.physical(p)
         ns, n = self.states, self.size(window)
         noise, into = self._noise(values, n), np.eye(n, ns)
@@ -211,10 +211,10 @@ class FilterModel:
         return System(window.level, f, q, early, late, np.stack(outputs), variance, covariance)
 
     def record(self, p: Array, window: Window, own: Array) -> Record:
-        """What the filter reads at parameters p.
+        """What the filter reads at parameters p (size,).
 
         Args:
-            own: the window's own constants: of each channel, then the copy's state at the first sample.
+            own: the window's own constants: of each channel in its SI unit, then the copy's state at the first sample.
         """
         ns, theta = self.states, self.physical(p).derivatives
         aerodynamic = window.start @ theta.T + window.aerodynamic

@@ -140,7 +140,10 @@ class _Slope:
 
 
 def climb(problem: Problem, start: Array, iterations: int = 40) -> Solution | None:
-    """Fisher scoring from one start; None where the likelihood cannot be evaluated there."""
+    """Fisher scoring from one start (size,); None where the likelihood cannot be evaluated there.
+
+    ``iterations``: largest number of steps.
+    """
     point = evaluate(problem, start)
     if point is None:
         return None
@@ -180,22 +183,22 @@ def _at_rest(problem: Problem, slope: _Slope) -> bool:
 def _slope(problem: Problem, point: Evaluation) -> _Slope:
     p, prior = point.parameters, problem.prior
     score, information = problem.free * (prior.mean - p) / prior.std**2, np.zeros((p.size, p.size))
-    echo, scatter = np.zeros_like(information), np.zeros_like(information)
+    surface_noise, scatter = np.zeros_like(information), np.zeros_like(information)
     for m in range(len(problem.windows)):
         s = sensitivities(problem, point, m)
-        score = score + s.score().sum(axis=1) + s.echo_score
+        score = score + s.score().sum(axis=1) + s.surface_noise_score
         information += s.information()
-        echo += s.echo_information
-        scatter += s.echo_scatter
-    signal = _signal_information(information, echo, np.diag(prior.std**-2))
+        surface_noise += s.surface_noise_information
+        scatter += s.surface_noise_scatter
+    signal = _signal_information(information, surface_noise, np.diag(prior.std**-2))
     return _Slope(score, signal, information + scatter)
 
 
-def _signal_information(information: Array, echo: Array, prior: Array) -> Array:
+def _signal_information(information: Array, surface_noise: Array, prior: Array) -> Array:
     """Information without that of the surfaces' noise; a direction that is mostly noise keeps a fifth."""
-    if not echo.any():
+    if not surface_noise.any():
         return information
-    values, vectors = eigh(echo, information + prior)
+    values, vectors = eigh(surface_noise, information + prior)
     back = (information + prior) @ vectors
     return np.asarray(information - (back * np.minimum(values, 1.0 - _LEAST_SIGNAL)) @ back.T)
 

@@ -160,6 +160,8 @@ def problem_of(
 ) -> Problem:
     """Windows, model and prior of a call.
 
+    ``expected``, ``natural``: referred derivatives and their natural sizes, (k,), concise; None: by least squares.
+
     Raises:
         ValueError: a structure that is none of short period, Dutch roll and lateral.
     """

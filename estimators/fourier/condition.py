@@ -10,7 +10,10 @@ __all__ = ["gather_condition", "mean_condition"]
 
 @lean
 def gather_condition(sums, row, condition):  # type: ignore[no-untyped-def]
-    """Add a row, whose flight condition begins at column ``condition``, to the sums of the flight condition."""
+    """Add a signal row (columns,), whose flight condition begins at column ``condition``, to its ``sums`` (5,).
+
+    Airspeed m/s, altitude m, density kg/m3, angle of attack rad, number of samples.
+    """
     alpha = row[condition + ALPHA]
     sums[AIRSPEED] += row[condition + AIRSPEED]
     sums[DENSITY] += row[condition + DENSITY]
@@ -21,6 +24,6 @@ def gather_condition(sums, row, condition):  # type: ignore[no-untyped-def]
 
 @lean
 def mean_condition(sums, condition):  # type: ignore[no-untyped-def]
-    """Mean airspeed, altitude, density, angle of attack."""
+    """Mean airspeed m/s, altitude m, density kg/m3, angle of attack rad, into ``condition`` (4,)."""
     condition[0], condition[1] = sums[AIRSPEED] / sums[SAMPLES], sums[ALTITUDE] / sums[SAMPLES]
     condition[2], condition[3] = sums[DENSITY] / sums[SAMPLES], sums[ALPHA] / sums[SAMPLES]

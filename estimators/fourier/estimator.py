@@ -46,7 +46,7 @@ from wingwatch.estimators.kernels.reading_noise import READING_MEMORY
 from wingwatch.estimators.lanes import Lanes, all_lanes
 from wingwatch.estimators.reference import offsets, referred_scale
 from wingwatch.estimators.signals import SignalLayout
-from wingwatch.estimators.standing import ConcisePosterior, Standings, stand
+from wingwatch.estimators.standing import ConcisePosterior, Validities, assess
 from wingwatch.kernels.by_address import ByAddress
 
 __all__ = ["FourierConfig", "FourierEstimator", "FourierState"]
@@ -282,7 +282,7 @@ class FourierEstimator:
 
         Args:
             state: in place.
-            places: the vehicles, each once; all if not given.
+            places: the vehicles, each once, shape (m,); all if not given.
         """
         places = np.arange(len(state.theta)) if places is None else places
         lanes = Lanes(places, np.zeros(places.size, dtype=np.int64))
@@ -312,8 +312,8 @@ class FourierEstimator:
     def follow_changes(
         self, state: FourierState, yes: bool | NDArray[np.bool_], places: NDArray[np.int64] | None = None
     ) -> None:
-        """Whether changes of some vehicles, or all, are looked for; not where the caller knows that the model leaves
-        out what acts."""
+        """Whether changes of the vehicles ``places`` (m,), or of all, are looked for; not where the caller knows of
+        something that acts and is not modelled. ``yes``: a scalar or (m,)."""
         state.follows[slice(None) if places is None else places] = yes
 
     def blocks_closed(self, state: FourierState, places: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -338,9 +338,9 @@ class FourierEstimator:
 
     def estimate(self, state: FourierState, vehicle: int = 0) -> Estimate:
         """Concise derivatives of one vehicle as of the last solution, at its present flight condition."""
-        return self.standings(state, np.array([vehicle])).of(0).estimate(self.name, self.config.structure)
+        return self.validities(state, np.array([vehicle])).of(0).estimate(self.name, self.config.structure)
 
-    def standings(self, state: FourierState, places: NDArray[np.int64]) -> Standings:
+    def validities(self, state: FourierState, places: NDArray[np.int64]) -> Validities:
         """The same of some vehicles, (m,), in numbers."""
         c, condition = self.config, state.condition[places]
         airspeed_m_s, _, density_kg_m3, alpha = condition.T
@@ -351,7 +351,7 @@ class FourierEstimator:
         columns = self.layout.states + self.layout.inputs
         wider = scale * np.repeat(np.sqrt(state.dispersion[places]), columns, axis=1)
         covariance = state.covariance[places] * wider[:, :, None] * wider[:, None, :]
-        return stand(
+        return assess(
             c.structure, state.rows[places, LAST, TIME], ConcisePosterior(value, covariance, c.prior_std * scale),
             state.informed_s[places], c.stale_s, state.counts[places, SOLUTIONS] > 0, condition,
         )  # fmt: skip

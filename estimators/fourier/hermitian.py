@@ -26,7 +26,7 @@ def invert_2(weights, determinant):  # type: ignore[no-untyped-def]
 
 @lean
 def invert_3(weights, determinant):  # type: ignore[no-untyped-def]
-    """The same for 3 x 3, by cofactors."""
+    """The same for 3 x 3, by cofactors: ``weights`` (3, 3, 2, bins), real and imaginary parts."""
     for f in range(weights.shape[3]):
         a, b, c = weights[0, 0, 0, f], weights[1, 1, 0, f], weights[2, 2, 0, f]
         xr, xi = weights[0, 1, 0, f], weights[0, 1, 1, f]
@@ -51,7 +51,10 @@ def invert_3(weights, determinant):  # type: ignore[no-untyped-def]
 
 @lean
 def condition_on_last(weights):  # type: ignore[no-untyped-def]
-    """Covariance of all rows but the last given the last, in place; the last column becomes the regression on it."""
+    """Covariance of all rows but the last given the last, in place; the last column becomes the regression on it.
+
+    ``weights``: (rows, rows, 2, bins), real and imaginary parts.
+    """
     last = weights.shape[0] - 1
     for k in range(last):
         for m in range(k, last):
@@ -70,7 +73,10 @@ def condition_on_last(weights):  # type: ignore[no-untyped-def]
 
 @lean
 def join_last(weights):  # type: ignore[no-untyped-def]
-    """W of all rows from that of the others given the last, and the regression on it (block inverse), in place."""
+    """W of all rows from that of the others given the last, and the regression on it (block inverse), in place.
+
+    ``weights``: (rows, rows, 2, bins), real and imaginary parts.
+    """
     last = weights.shape[0] - 1
     for f in range(weights.shape[3]):
         own = 1.0 / weights[last, last, 0, f]

@@ -134,7 +134,10 @@ def nuisance_variances(plant, air, noise, dt, variances):  # type: ignore[no-unt
 
 @lean
 def prior_of(variance, fraction):  # type: ignore[no-untyped-def]
-    """What is known beforehand of a nuisance column, in sums over bins; ``fraction`` is of a whole block."""
+    """Prior information of a nuisance column, a scalar in sums over bins, one over the unit of ``variance``.
+
+    ``fraction``: length over that of a whole block.
+    """
     return 0.5 / (fraction * variance)
 
 
@@ -252,7 +255,10 @@ def _inverse_of_root(root, half, out):  # type: ignore[no-untyped-def]
 
 @lean
 def degrees_of_freedom(normal, fraction):  # type: ignore[no-untyped-def]
-    """How many real numbers the nuisance columns fit, tr(data (data + prior)^-1); ``fraction`` is of a whole block."""
+    """Number of real numbers that the nuisance columns fit, the scalar tr(data (data + prior)^-1).
+
+    ``fraction``: length over that of a whole block.
+    """
     taken = 0.0
     for a in range(normal.number[0]):
         size, place = normal.size[a], normal.places[a]
@@ -268,7 +274,7 @@ def fitted_columns(bank, first, normal, work):  # type: ignore[no-untyped-def]
     """Into ``work.fitted`` P = C (C' W C + prior)^-1 C', C the nuisance columns of one bin, (docs (19)).
 
     Args:
-        bank: regressors; first: place of the first nuisance column in it.
+        bank: regressors, (columns, 2, bins); first: place of the first nuisance column in it.
         normal: of ``eliminate``.
         work: ``NoiseWorkspace``.
     """

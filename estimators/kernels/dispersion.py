@@ -110,7 +110,8 @@ def _solved(matrix, vector, work, out):  # type: ignore[no-untyped-def]
 
 @lean
 def dispersion_of(scatter):  # type: ignore[no-untyped-def]
-    """Mean of the dispersion given chi-square and degrees of freedom, at least one: sensors' noise is always there."""
+    """Mean of the dispersion, a scalar ratio, given chi-square and degrees of freedom in ``scatter``; at least one,
+    because sensors' noise is always there."""
     return max((PRIOR_FREEDOM + scatter[CHI_SQUARE]) / (PRIOR_FREEDOM + scatter[FREEDOM]), 1.0)
 
 

@@ -98,7 +98,7 @@ def servos_of(servo_s: Sequence[float], rate_rad_s: Sequence[float], held: Seque
 
 @hot
 def frames_of(dt):  # type: ignore[no-untyped-def]
-    """How many commands an autopilot gives in a step."""
+    """Number of commands that an autopilot gives in a step of ``dt`` s, a scalar of at least one."""
     return max(1, round(dt * FRAME_HZ))
 
 
@@ -149,7 +149,7 @@ def _limited_means(dt, servo_s, rate_rad_s, change):  # type: ignore[no-untyped-
 
 @hot
 def surface_means(dt, servo_s, reading_variance, before, change, ahead, ahead_after):  # type: ignore[no-untyped-def]
-    """``SurfaceMeans`` of a step of ``dt``, s.
+    """``SurfaceMeans`` of a step of ``dt``, s; all arguments are scalars.
 
     Args:
         servo_s: of ``course``, s; reading_variance: of u, rad2.
@@ -221,7 +221,7 @@ def _commanded_means(frames, lag, reading_variance, change, ahead, command_chang
 
 @hot
 def course(dt, servo_s, at_rest):  # type: ignore[no-untyped-def]
-    """``Course`` of a step of ``dt``, s.
+    """``Course`` of a step of ``dt``, s, of scalars.
 
     ``servo_s``: time constant of a servo, which follows commands; infinite for one that is not known: u goes evenly,
     but for one that was at rest and has left it; 0 for a command, held to the step's end.

@@ -27,7 +27,7 @@ _ALLOWED = 4.0
 
 @helper
 def set_gains(memory, dt):  # type: ignore[no-untyped-def]
-    """Gains for a time step; nothing to do where it is the step they are for."""
+    """Gains of the smoothers for a step of ``dt`` s, into ``memory`` (4, gains); unchanged for an unchanged step."""
     if abs(dt - memory[3, 0]) > 1e-6 * dt:
         fastest = -dt / np.log(1.0 - HIGHEST_GAIN)
         for g in range(memory.shape[1]):
@@ -38,7 +38,7 @@ def set_gains(memory, dt):  # type: ignore[no-untyped-def]
 
 @helper
 def start_level(memory, reading):  # type: ignore[no-untyped-def]
-    """Every smoother at a first reading, nothing known of its errors."""
+    """Every smoother of ``memory`` (4, gains) at a first reading, in its unit; nothing known of its errors."""
     memory[1, :] = reading
     memory[2, :] = 0.0
     memory[3, 1] = 1.0

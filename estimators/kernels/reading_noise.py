@@ -97,13 +97,13 @@ def follow_reading(memory, reading, dt, stated):  # type: ignore[no-untyped-def]
 
 @lean
 def reading_variance(memory, stated):  # type: ignore[no-untyped-def]
-    """Variance of an input's readings as it is believed now, rad2."""
+    """Variance of an input's readings as it is believed now, a scalar in rad2; ``memory``: one row of the state."""
     return memory[_LEVEL] if memory[_COUNT] >= _FEWEST else stated
 
 
 @lean
 def largest_variance(memory, stated):  # type: ignore[no-untyped-def]
-    """The stated variance, or what the readings' may be at most where that is more, rad2."""
+    """The stated variance, or the largest that the readings allow where that is more, a scalar in rad2."""
     return max(stated, memory[_LARGEST]) if memory[_COUNT] >= _FEWEST else stated
 
 

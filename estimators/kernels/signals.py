@@ -290,8 +290,8 @@ def _surface(command, dt, servo_s, servo):  # type: ignore[no-untyped-def]
         change = (command - servo[0]) / frames if np.isfinite(command) else 0.0
         stays = np.exp(-dt / (frames * servo_s))
         for i in range(frames):
-            told = servo[0] + i * change
-            servo[1] = told + (servo[1] - told) * stays
+            commanded = servo[0] + i * change
+            servo[1] = commanded + (servo[1] - commanded) * stays
     else:
         servo[1] = np.nan
     if not np.isfinite(command):

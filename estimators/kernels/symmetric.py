@@ -81,7 +81,10 @@ def backward(root, rows):  # type: ignore[no-untyped-def]
 
 @lean
 def all_below(matrix, bound, root):  # type: ignore[no-untyped-def]
-    """Whether all eigenvalues of a symmetric matrix are below ``bound``: bound - matrix has a root."""
+    """Whether all eigenvalues of a symmetric matrix (n, n) are below ``bound``, in its unit: bound - matrix has a root.
+
+    ``root`` (n, n) is overwritten.
+    """
     n = matrix.shape[0]
     for a in range(n):
         if not matrix[a, a] < bound:
@@ -95,7 +98,10 @@ def all_below(matrix, bound, root):  # type: ignore[no-untyped-def]
 
 @lean
 def all_above(matrix, bound, root):  # type: ignore[no-untyped-def]
-    """Whether all eigenvalues of a symmetric matrix are above ``bound``: matrix - bound has a root."""
+    """Whether all eigenvalues of a symmetric matrix (n, n) are above ``bound``, in its unit: matrix - bound has a root.
+
+    ``root`` (n, n) is overwritten.
+    """
     n = matrix.shape[0]
     for a in range(n):
         if not matrix[a, a] > bound:
@@ -109,7 +115,7 @@ def all_above(matrix, bound, root):  # type: ignore[no-untyped-def]
 
 @lean
 def whiten(root, matrix):  # type: ignore[no-untyped-def]
-    """root^-1 matrix root^-T of a symmetric matrix, in place; ``root`` as of ``cholesky``."""
+    """root^-1 matrix root^-T of a symmetric matrix (n, n), in place; ``root`` (n, n) as of ``cholesky``."""
     n = matrix.shape[0]
     forward(root, matrix)
     for a in range(n):
@@ -149,7 +155,9 @@ def congruence(left, middle, half, out):  # type: ignore[no-untyped-def]
 
 @lean
 def invert(matrix, out):  # type: ignore[no-untyped-def]
-    """Inverse of a symmetric matrix that is positive definite but for rounding, by L D L'; ``matrix`` is overwritten.
+    """Inverse of a symmetric matrix (n, n) that is positive definite but for rounding, by L D L', into ``out`` (n, n).
+
+    ``matrix`` is overwritten; the unit of the result is one over its.
 
     Where a pivot is zero the result is not finite.
     """
@@ -181,7 +189,7 @@ def solve_general(matrix, rows, n):  # type: ignore[no-untyped-def]
     """Solve matrix X = rows in place by elimination with partial pivoting; ``matrix`` is overwritten.
 
     Args:
-        matrix, rows: of both the first n rows, of the matrix the first n columns.
+        matrix, rows: (n, n) and (n, m): of both the first n rows, of the matrix the first n columns.
     """
     m = rows.shape[1]
     for a in range(n):

@@ -192,7 +192,7 @@ def _evidence(judge: Judge, verdict: Verdict, condition: FlightCondition) -> tup
     for name, change in verdict.changes.items():
         coordinates = judge.coordinates[name]
         scale, offset, *_ = coordinates.at(condition)
-        spread = np.diagonal(change.weight)
+        spread = np.diagonal(change.precision)
         seen = spread > 0.0
         natural = np.maximum(np.abs(change.mean), np.sqrt(np.diagonal(change.covariance)))
         wide = np.diag((3.0 * natural) ** -2)

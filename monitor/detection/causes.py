@@ -45,7 +45,7 @@ class Cause:
     advice: str
 
     def level(self, size: float) -> str:
-        """``watch``, ``warning`` or ``critical``."""
+        """``watch``, ``warning`` or ``critical``; ``size`` in the unit of the cause."""
         warning, critical = self.levels
         return "critical" if size >= critical else "warning" if size >= warning else "watch"
 

@@ -185,11 +185,11 @@ class CellBook:
             self._learn((name, cell), fresh, block)
         if not rebuilt:
             return None
-        total, pull = (part.copy() for part in fresh)
+        total, vector = (part.copy() for part in fresh)
         for part in (visit.resumed, visit.carried):
             if part is not None:
-                total, pull = total + part.information, pull + part.vector
-        return at.to_evidence(total, pull)
+                total, vector = total + part.information, vector + part.vector
+        return at.to_evidence(total, vector)
 
     def _enter(self, name: str, cell: Cell, now_s: float, natural: Array) -> _Visit:
         """A new visit. Cells hold different blocks, so what is resumed and what is carried in are independent."""
@@ -234,6 +234,6 @@ def _contradicts(resumed: Reference, fresh: tuple[Array, Array], natural: Array)
     covariance = np.asarray(np.linalg.inv(resumed.information + np.diag((3.0 * natural) ** -2.0)))
     mean = np.asarray(covariance @ resumed.vector, dtype=np.float64)
     change = change_since(mean, covariance, *fresh, np.zeros_like(covariance), natural)
-    freedom = float(np.linalg.matrix_rank(change.weight, tol=1e-9 * np.trace(change.weight) + 1e-300))
-    distance = float(change.pull @ np.linalg.pinv(change.weight, hermitian=True) @ change.pull)
+    freedom = float(np.linalg.matrix_rank(change.precision, tol=1e-9 * np.trace(change.precision) + 1e-300))
+    distance = float(change.score @ np.linalg.pinv(change.precision, hermitian=True) @ change.score)
     return bool(freedom and chdtrc(freedom, distance) < CONTRADICTION)

@@ -66,11 +66,11 @@ class Conversion(NamedTuple):
     shift: Array
 
     def from_concise(self, value: Array, covariance: Array) -> tuple[Array, Array]:
-        """A value (k,) and its covariance (k, k) in these coordinates."""
+        """A concise value (k,) and its covariance (k, k) in these coordinates."""
         return (value - self.offset) / self.scale, covariance / self._both
 
     def to_concise(self, value: Array, covariance: Array) -> tuple[Array, Array]:
-        """Inverse of ``from_concise``."""
+        """Inverse of ``from_concise``: a concise value (k,) and its covariance (k, k)."""
         return self.scale * value + self.offset, covariance * self._both
 
     @property
@@ -79,12 +79,12 @@ class Conversion(NamedTuple):
         return self.scale[..., :, None] * self.scale[..., None, :]
 
     def of_evidence(self, information: Array, vector: Array) -> tuple[Array, Array]:
-        """Information (k, k) and vector (k,) about referred derivatives, in these coordinates."""
+        """Information (k, k) and vector (k,) about referred (concise) derivatives, in these coordinates."""
         both = self.slope[:, None] * self.slope
         return information * both, self.slope * (vector - information @ self.shift)
 
     def to_evidence(self, information: Array, vector: Array) -> tuple[Array, Array]:
-        """Inverse of ``of_evidence``: information (k, k) and vector (k,) about referred derivatives."""
+        """Inverse of ``of_evidence``: information (k, k) and vector (k,) about referred (concise) derivatives."""
         known = information / (self.slope[:, None] * self.slope)
         return known, vector / self.slope + known @ self.shift
 
@@ -132,15 +132,15 @@ class Change:
     """A change of one structure's derivatives since an onset, or since each of several: axes in front of those below.
 
     Attributes:
-        weight: K, shape (..., k, k): inverse covariance of the change, zero where nothing is known.
-        pull: K d, shape (..., k).
+        precision: K, shape (..., k, k): inverse covariance of the change, zero where nothing is known.
+        score: K d, shape (..., k).
         information, vector: J and h of the window, for the estimate after the onset.
         mean, covariance: the reference before it.
         natural: natural size of each derivative, (..., k).
     """
 
-    weight: Array
-    pull: Array
+    precision: Array = field(metadata={"stored": "weight"})
+    score: Array = field(metadata={"stored": "pull"})
     information: Array
     vector: Array
     mean: Array
@@ -152,9 +152,9 @@ class Change:
         return Change(*(np.array(getattr(self, f.name)[place]) for f in fields(Change)))
 
 
-def _solved(inner: Array, weight: Array, pull: Array) -> tuple[Array, Array]:
+def _solved(inner: Array, precision: Array, score: Array) -> tuple[Array, Array]:
     """(I + J Q)^-1 times an information matrix and a vector; the first is symmetric but for rounding."""
-    solved = np.linalg.solve(inner, np.concatenate([weight, pull[..., None]], axis=-1))
+    solved = np.linalg.solve(inner, np.concatenate([precision, score[..., None]], axis=-1))
     reduced = solved[..., :-1]
     return 0.5 * (reduced + np.swapaxes(reduced, -1, -2)), solved[..., -1]
 
@@ -221,12 +221,12 @@ def change_since(
     """
     inner = np.eye(mean.shape[-1]) + information @ (covariance + model_error)
     known = (information @ mean[..., None])[..., 0]
-    weight, pull = _solved(inner, information, vector - known)
-    return Change(weight, pull, information, vector, mean, covariance, natural)
+    precision, score = _solved(inner, information, vector - known)
+    return Change(precision, score, information, vector, mean, covariance, natural)
 
 
 def log_bayes_direction(
-    pull: Array | float, weight: Array | float, size_std: Array | float
+    score: Array | float, precision: Array | float, size_std: Array | float
 ) -> tuple[Array, Array, Array]:
     """Log Bayes factor of "a change of some positive size along a direction" against "no change".
 
@@ -236,10 +236,10 @@ def log_bayes_direction(
         log Bayes factor, size (posterior mode, not below zero) and its standard error, each of the shape that
         the arguments have together.
     """
-    variance = np.asarray(1.0 / (weight + size_std**-2))
-    mode = variance * pull
+    variance = np.asarray(1.0 / (precision + size_std**-2))
+    mode = variance * score
     error = np.sqrt(variance)
-    log_factor = np.log(error / size_std) + 0.5 * mode * pull + np.log(2.0) + log_ndtr(mode / error)
+    log_factor = np.log(error / size_std) + 0.5 * mode * score + np.log(2.0) + log_ndtr(mode / error)
     return log_factor, np.maximum(mode, 0.0), error
 
 
@@ -253,12 +253,12 @@ class Along(NamedTuple):
     """What a change says along directions that each derivative may be off, (n, ...) each.
 
     Attributes:
-        pull, weight: a'K d and a'K a of each direction a.
+        score, precision: a'K d and a'K a of each direction a.
         log_factor: log Bayes factor of derivatives that are off against none that is.
     """
 
-    pull: Array
-    weight: Array
+    score: Array
+    precision: Array
     log_factor: Array
 
 
@@ -274,8 +274,8 @@ def along(change: Change, directions: Array, spread: Array) -> Along:
     k = directions.shape[-1]
     found = np.empty((3, *directions.shape[:-1]))
     _all_along(
-        np.ascontiguousarray(change.weight).reshape(-1, k, k),
-        np.ascontiguousarray(change.pull).reshape(-1, k),
+        np.ascontiguousarray(change.precision).reshape(-1, k, k),
+        np.ascontiguousarray(change.score).reshape(-1, k),
         np.ascontiguousarray(directions).reshape(len(directions), -1, k),
         np.ascontiguousarray(spread).reshape(len(directions), -1, k),
         found.reshape(3, len(directions), -1),
@@ -284,26 +284,26 @@ def along(change: Change, directions: Array, spread: Array) -> Along:
 
 
 @whole
-def _all_along(weight, pull, directions, spread, found):  # type: ignore[no-untyped-def]
+def _all_along(precision, score, directions, spread, found):  # type: ignore[no-untyped-def]
     """``along``, into ``found`` (3, n, m): K (m, k, k) and K d (m, k) of m changes, directions and spread (n, m, k)."""
     n, m, k = directions.shape
     root, rows, across = np.empty((k, k)), np.empty((k, 2)), np.empty(k)
     for i in range(n):
         for j in range(m):
-            own, pulled, a, d = weight[j], pull[j], directions[i, j], spread[i, j]
+            own, scored, a, d = precision[j], score[j], directions[i, j], spread[i, j]
             total = moved = factor = 0.0
             for r in range(k):
                 across[r] = 0.0
                 for c in range(k):
                     across[r] += own[r, c] * a[c]
                 total += a[r] * across[r]
-                moved += a[r] * pulled[r]
+                moved += a[r] * scored[r]
             if d.any():
                 for r in range(k):
                     for c in range(r + 1):
                         root[r, c] = d[r] * own[r, c] * d[c]
                     root[r, r] += 1.0
-                    rows[r, 0], rows[r, 1] = d[r] * across[r], d[r] * pulled[r]
+                    rows[r, 0], rows[r, 1] = d[r] * across[r], d[r] * scored[r]
                 cholesky(root, _LEAST_PIVOT, root)
                 forward(root, rows)
                 for r in range(k):

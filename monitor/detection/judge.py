@@ -88,7 +88,7 @@ class JudgeConfig:
 
     @property
     def log_threshold(self) -> float:
-        """Of the Shiryaev-Roberts statistic: blocks in the false alert interval."""
+        """Natural logarithm of the Shiryaev-Roberts threshold: the number of blocks in the false alert interval."""
         return float(np.log(self.false_alert_interval_h * 3600.0 / self.block_s))
 
 
@@ -272,8 +272,10 @@ class Judge:
                 modes[-1].expected, modes[-1].expected_covariance, information, vector,
                 np.diag(error**2) + np.outer(bias, bias), natural,
             )  # fmt: skip
-            freedom = float(np.linalg.matrix_rank(change.weight, tol=1e-9 * np.trace(change.weight) + 1e-300))
-            distance = float(change.pull @ np.linalg.pinv(change.weight, hermitian=True) @ change.pull)
+            freedom = float(
+                np.linalg.matrix_rank(change.precision, tol=1e-9 * np.trace(change.precision) + 1e-300)
+            )
+            distance = float(change.score @ np.linalg.pinv(change.precision, hermitian=True) @ change.score)
             if freedom and chdtrc(freedom, distance) < self.config.contradiction:
                 state.contradictions[name] = _named(coordinates.structure, change)
 
@@ -293,8 +295,8 @@ class Judge:
     def before(
         self, state: JudgeState, name: str, onset: int, estimator: int = FOURIER
     ) -> tuple[Array, Array]:
-        """Information and vector of the vehicle's own flight before a block, earlier flights included, as an estimator
-        has them."""
+        """Information (k, k) and vector (k,) of the vehicle's own flight before a block and of earlier flights, by an
+        estimator."""
         reference = (state.references if estimator == FOURIER else state.by_filter)[name]
         information, vector = reference.information.copy(), reference.vector.copy()
         for block in state.blocks[:onset]:
@@ -370,7 +372,7 @@ class Judge:
         directions = {name: self.directions(name, CAUSES, c.mean, condition) for name, c in changes.items()}
         along_it = _along(changes, directions, {name: np.zeros_like(d) for name, d in directions.items()})
         found: dict[str, float | None] = {}
-        for cause, weight in zip(CAUSES, along_it.weight.max(axis=(1, 2)), strict=True):
+        for cause, weight in zip(CAUSES, along_it.precision.max(axis=(1, 2)), strict=True):
             # the mean over both estimators, and that over the pattern and what deviates from it, cost a factor of four
             needed = 2.0 * (self.config.log_threshold - np.log(cause.weight) + np.log(4.0))
             found[cause.name] = float(np.sqrt(needed / weight)) if weight > 0.0 else None
@@ -442,7 +444,7 @@ class Judge:
         size_std = np.array([cause.size_std for cause in causes])[:, None, None]
         directions = {name: self.directions(name, causes, c.mean, condition) for name, c in changes.items()}
         on_it = _along(changes, directions, {name: np.zeros_like(d) for name, d in directions.items()})
-        exact, size, _ = log_bayes_direction(on_it.pull, on_it.weight, size_std)
+        exact, size, _ = log_bayes_direction(on_it.score, on_it.precision, size_std)
         deviations = {}
         for name, direction in directions.items():
             deviation = size[..., None] * np.hypot(
@@ -452,7 +454,7 @@ class Judge:
             deviation[~direction.any(axis=-1)] = 0.0
             deviations[name] = deviation
         loose = _along(changes, directions, deviations)
-        off_it, loose_size, loose_error = log_bayes_direction(loose.pull, loose.weight, size_std)
+        off_it, loose_size, loose_error = log_bayes_direction(loose.score, loose.precision, size_std)
         off_it = off_it + loose.log_factor
         return (
             np.logaddexp(exact, off_it) - np.log(2.0),
@@ -471,10 +473,10 @@ class Judge:
         """Whether the other estimator finds the change, too: along a cause's direction at least half its size, or where
         it is in no known pattern odds for it, ``factor`` their logarithm; one that has learned nothing abstains."""
         if cause is UNEXPLAINED:
-            return factor > 0.0 or not any(c.weight.any() for c in other.values())
+            return factor > 0.0 or not any(c.precision.any() for c in other.values())
         directions = {n: self.directions(n, (cause,), c.mean, condition) for n, c in other.items()}
         found = _along(other, directions, {n: np.zeros_like(d) for n, d in directions.items()})
-        return bool(found.weight[0] <= 0.0 or found.pull[0] >= 0.5 * size * found.weight[0])
+        return bool(found.precision[0] <= 0.0 or found.score[0] >= 0.5 * size * found.precision[0])
 
 
 def _of_either(factors: Array) -> Array:
@@ -524,10 +526,10 @@ def largest_change(changes: Mapping[str, Change]) -> tuple[float, float]:
     best = (0.0, 0.0, 0.0)
     for change in changes.values():
         for a in range(change.mean.size):
-            w = change.weight[a, a]
+            w = change.precision[a, a]
             if w <= 0.0 or change.mean[a] == 0.0:
                 continue
-            size, error = change.pull[a] / w / abs(change.mean[a]), 1.0 / np.sqrt(w) / abs(change.mean[a])
+            size, error = change.score[a] / w / abs(change.mean[a]), 1.0 / np.sqrt(w) / abs(change.mean[a])
             z = abs(size) / error
             if z > best[0]:
                 best = (z, abs(size), error)
@@ -536,7 +538,7 @@ def largest_change(changes: Mapping[str, Change]) -> tuple[float, float]:
 
 def _named(structure: ModeStructure, change: Change, most: int = 4) -> tuple[str, ...]:
     """Derivatives that differ most, in standard errors, worst first."""
-    diagonal = np.diagonal(change.weight)
-    z = np.where(diagonal > 0.0, change.pull / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), 0.0)
+    diagonal = np.diagonal(change.precision)
+    z = np.where(diagonal > 0.0, change.score / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), 0.0)
     order: Sequence[int] = np.argsort(-np.abs(z)).tolist()
     return tuple(structure.derivatives[a] for a in order[:most] if abs(z[a]) > 3.0)

@@ -110,7 +110,7 @@ def nominal_condition(aircraft: Aircraft) -> FlightCondition | None:
 
 
 def condition_of(found: tuple[float, float, float, float], configuration: str) -> FlightCondition | None:
-    """Airspeed, altitude, density and angle of attack as a flight condition; None where they are none.
+    """Airspeed m/s, altitude m, density kg/m3 and angle of attack rad as a flight condition; None if impossible.
 
     A filter that has started anew has no condition, and an airspeed that is carried on by accelerometers at their
     limits may become negative.
@@ -315,7 +315,10 @@ class Chain:
         return self._air.pending(state.air)
 
     def resume(self, state: ChainState, structure: str, information: Array, vector: Array) -> None:
-        """The Fourier estimator of a structure goes on from a memory instead of from its closed blocks."""
+        """The Fourier estimator of a structure continues from a memory instead of from its closed blocks.
+
+        ``information`` (k, k), ``vector`` (k,): J and h of the derivatives at the reference, concise.
+        """
         self.supervisor.resume(state.lane, structure, information, vector)
 
 
@@ -343,26 +346,26 @@ def _pair(
     error = np.sqrt(np.diagonal(prior.covariance))
     natural = np.maximum(np.abs(value), 2.0 * error)
     natural[natural == 0.0] = 1.0  # of a surface without effect, about which nothing is known either
-    told = tuple(kinds.get(INPUT_CHANNELS[u], "position") == "command" for u in structure.inputs)
+    commanded = tuple(kinds.get(INPUT_CHANNELS[u], "position") == "command" for u in structure.inputs)
     sensors = aircraft.sensors
     imu = sensors.imu_position_m
     noise = tuple(
         0.0 if still else aircraft.noise_std(INPUT_CHANNELS[u]) or 0.0
-        for u, still in zip(structure.inputs, told, strict=True)
+        for u, still in zip(structure.inputs, commanded, strict=True)
     )
     servo_s, limits = zip(*(_servo(aircraft, u) for u in structure.inputs), strict=True)
     # A limit that the file states too low would move all of a surface that nobody read, and moves little of one that
     # was read (decision 73).
-    servo_rate_rad_s = tuple(0.0 if still else limit for still, limit in zip(told, limits, strict=True))
+    servo_rate_rad_s = tuple(0.0 if still else limit for still, limit in zip(commanded, limits, strict=True))
     # A command whose servo is known becomes the surface that it moves; any other acts as it stands.
-    held = tuple(still and not lag_s for still, lag_s in zip(told, servo_s, strict=True))
+    held = tuple(still and not lag_s for still, lag_s in zip(commanded, servo_s, strict=True))
     force = aircraft.noise_std(_FORCE_COLUMN[structure.states[0]]) or 0.0
     signals = SignalConfig(
         structure,
         sensors.vane_position_m,
         reference_airspeed_m_s=reference[0],
         reference_density_kg_m3=reference[1],
-        servo_s=tuple(lag_s if still else 0.0 for still, lag_s in zip(told, servo_s, strict=True)),
+        servo_s=tuple(lag_s if still else 0.0 for still, lag_s in zip(commanded, servo_s, strict=True)),
         vane_leads=True,
         inertia=inertia_coupling(aircraft),
     )

@@ -40,10 +40,10 @@ from wingwatch.estimators import (
     Outcome,
     Signals,
     SignalState,
-    Standing,
+    Validity,
     arrays_of,
+    confounding_text,
     one_vehicle,
-    told_apart_text,
 )
 from wingwatch.monitor.estimation.calm_air import follow_calm, is_calm, surface_moved
 from wingwatch.monitor.estimation.lacking_surfaces import derivatives_by, known_beside, marginal, why_lacking
@@ -189,7 +189,7 @@ class ModeSolution:
     """
 
     pair: Pair
-    seen: tuple[Standing, Standing]
+    seen: tuple[Validity, Validity]
     """What the Fourier estimator and the filter say, each alone."""
     block: BlockEvidence | None
     """The Fourier estimator's evidence of the block that was closed, where one was; ``gained``: the filter's, since
@@ -364,7 +364,10 @@ class Supervisor:
             state.put(np.array([lane.place]), saved[name])
 
     def resume(self, lane: Lane, structure: str, information: Array, vector: Array) -> None:
-        """The Fourier estimator of a structure goes on from a memory instead of from its closed blocks."""
+        """The Fourier estimator of a structure continues from a memory instead of from its closed blocks.
+
+        ``information`` (k, k), ``vector`` (k,): J and h of the derivatives at the reference, concise.
+        """
         state = self._states[structure].fourier
         self.pairs[structure].fourier.resume(state, information, vector, lane.place)
 
@@ -497,7 +500,7 @@ def _read(
     comparable = np.ones_like(rough)
     if not pair.vane:
         comparable = is_calm(state.calm_s[places], time_s) & ~rough & ~_is_turned(pair, state, places)
-    fourier, ekf = pair.fourier.standings(state.fourier, places), pair.ekf.standings(state.ekf, places)
+    fourier, ekf = pair.fourier.validities(state.fourier, places), pair.ekf.validities(state.ekf, places)
     solutions = []
     for m, (i, is_rough, compared) in enumerate(zip(*map(_listed, (places, rough, comparable)), strict=True)):
         block = pair.fourier.evidence(state.fourier, i) if i in gained else None
@@ -508,7 +511,7 @@ def _read(
     return solutions
 
 
-def _with_standing(pair: Pair, seen: tuple[Standing, Standing], rough: bool) -> tuple[Estimate, Estimate]:
+def _with_standing(pair: Pair, seen: tuple[Validity, Validity], rough: bool) -> tuple[Estimate, Estimate]:
     """Both estimates with the outcomes that each has beside the other."""
     fourier = seen[0].estimate(pair.fourier.name, pair.structure)
     ekf = _beside_fourier(seen[1].estimate(pair.ekf.name, pair.structure), fourier, _listed(seen[0].unseen))
@@ -568,7 +571,7 @@ def _beside_fourier(ekf: Estimate, fourier: Estimate, hidden: Sequence[bool]) ->
     A derivative that it calls not observable for want of signal is not observable for the filter either.
 
     Args:
-        hidden: ``Standing.unseen`` of the Fourier estimator.
+        hidden: ``Validity.unseen`` of the Fourier estimator.
     """
     if not any(hidden):
         return ekf
@@ -581,7 +584,7 @@ def _beside_fourier(ekf: Estimate, fourier: Estimate, hidden: Sequence[bool]) ->
             ekf, outcomes=outcomes, outcome=Outcome.NOT_OBSERVABLE, reason=fourier.reason, confounded=confounded
         )  # fmt: skip
     if confounded != ekf.confounded:
-        text = told_apart_text(ekf.structure, confounded)
+        text = confounding_text(ekf.structure, confounded)
         reason = f"{text}; {ekf.reason}" if ekf.reason and not ekf.confounded else text
         return replace(ekf, outcomes=outcomes, reason=reason, confounded=confounded)
     return replace(ekf, outcomes=outcomes)

@@ -198,8 +198,8 @@ class FleetAlerts:
     def _rewritten(self, newest: AlertView) -> None:
         """An action was undone by writing the newest version, which may be newer than the one that was announced."""
         with self._context.lock:
-            told = self._context.ledger.shown(newest.id) == newest
-        if not told:
+            announced = self._context.ledger.shown(newest.id) == newest
+        if not announced:
             self._kept(newest)
 
 

@@ -161,7 +161,7 @@ class FleetMonitor:
         What may be asked waits until all of them are taken in: a few dozen at a time. Large messages may be left in
         part for the next call, which may bring none (``behind``).
         """
-        told: list[tuple[VehicleKey, Sequence[Outgoing]]] = []
+        outgoing: list[tuple[VehicleKey, Sequence[Outgoing]]] = []
         with self._lock:
             ready: dict[VehicleKey, KnownVehicle] = {}
             for message in messages:
@@ -174,17 +174,17 @@ class FleetMonitor:
                     self._intake.count("too_many_vehicles")
                     continue
                 if message.stream == "aircraft" and key in ready:
-                    told += self._advance({key: ready.pop(key)})  # its samples so far are of what it was
+                    outgoing += self._advance({key: ready.pop(key)})  # its samples so far are of what it was
                 news = self._taken_in(key, known, message)
                 if news:
-                    told.append((key, news))
+                    outgoing.append((key, news))
                 if known.monitor is not None and known.held:
                     ready[key] = known
             for key in list(self._behind)[:_CAUGHT_UP_AT_ONCE]:
                 ready.setdefault(key, self._behind.pop(key))
-            told += self._advance(ready)
+            outgoing += self._advance(ready)
             self._saving.save_some(ready)
-        for (fleet, vehicle), news in told:
+        for (fleet, vehicle), news in outgoing:
             self._context.tell((fleet, vehicle), news)
 
     def has_enough(self, fleet: str, vehicle: str) -> bool:
@@ -266,7 +266,7 @@ class FleetMonitor:
         It ends after ``_AT_ONCE_S``; what is left then is handed over later, unless too much waits: nothing is lost.
         """
         until_s = self._clock() + _AT_ONCE_S
-        told: list[tuple[VehicleKey, list[Outgoing]]] = []
+        outgoing: list[tuple[VehicleKey, list[Outgoing]]] = []
         going = [(key, known, known.monitor) for key, known in ready.items() if known.monitor is not None]
         while going := [one for one in going if one[1].held]:
             self._held -= len(going)
@@ -288,7 +288,7 @@ class FleetMonitor:
                 known.unsaved = True
                 known.urgent |= bool(report.alerts)
                 if news:
-                    told.append((key, news))
+                    outgoing.append((key, news))
             going = sound
             most = max((len(known.held) for _, known, _ in going), default=0)
             if self._clock() >= until_s and most < _MOST_WAITING:
@@ -296,7 +296,7 @@ class FleetMonitor:
         self._behind |= {
             key: known for key, known in ready.items() if known.monitor is not None and known.held
         }
-        return told
+        return outgoing
 
     def _recall(self, fleet: str, vehicle: str, known: KnownVehicle) -> None:
         """Start the vehicle's monitor with what is kept of it, or without after a while, and then add it later."""
@@ -377,7 +377,7 @@ class FleetMonitor:
         except Exception as error:
             self._context.note_fault(*key, known, error)
             return []
-        return [told for _, news in self._advance({key: known}) for told in news]
+        return [outgoing for _, news in self._advance({key: known}) for outgoing in news]
 
     @property
     def problems(self) -> dict[str, int]:
@@ -455,7 +455,11 @@ class FleetMonitor:
     def expected(
         self, fleet: str, vehicle: str, structure: str, aircraft: tuple[str, str], conditions: Array
     ) -> tuple[Array, Array] | None:
-        """What is expected now of a structure at conditions that were flown (``MonitorPort``)."""
+        """Present expectation of a structure at m flown conditions (``MonitorPort``).
+
+        ``conditions`` (m, 4): airspeed m/s, altitude m, density kg/m3, angle of attack rad. Gives value and standard
+        error, concise, (m, k) each; None without an expectation.
+        """
         with self._lock:
             known = self._vehicles.get((fleet, vehicle))
         # Without the lock: expectations and what flights taught are replaced, never changed.

@@ -148,10 +148,10 @@ def innovation(
         change = change_since(
             mean, covariance, information, mode.evidence.vector[estimator], np.outer(bias, bias), natural
         )
-        power, axes = np.linalg.eigh(change.weight * (natural[:, None] * natural))
+        power, axes = np.linalg.eigh(change.precision * (natural[:, None] * natural))
         seen = power > _RANK_TOLERANCE * power.max(initial=0.0)
         if freedom := int(np.count_nonzero(seen)):
-            along = axes[:, seen].T @ (natural * change.pull)
+            along = axes[:, seen].T @ (natural * change.score)
             distance = float(np.sum(along * along / power[seen]))
             found[estimator] = distance / freedom, float(chdtri(freedom, 1.0 - _CONFIDENCE)) / freedom
     return found

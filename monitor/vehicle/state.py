@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.estimators import BlockEvidence, Standing
+from wingwatch.estimators import BlockEvidence, Validity
 from wingwatch.monitor.detection.alerts import BookState
 from wingwatch.monitor.detection.blocks import BlockView
 from wingwatch.monitor.detection.cell_memory import CellBookState
@@ -47,7 +47,7 @@ class WatchMemory:
 class SavedMode:
     """A ``ModeSolution`` without the estimators that it was made by and without the estimates that follow from it."""
 
-    seen: tuple[Standing, Standing]
+    seen: tuple[Validity, Validity]
     block: BlockEvidence | None
     gained: tuple[Array, Array] | None
     rough: bool

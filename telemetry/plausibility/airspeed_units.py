@@ -1,6 +1,6 @@
 """What unit a factor from the recorded airspeed to the true one stands for."""
 
-from wingwatch.telemetry.plausibility.finding import Finding, Standing
+from wingwatch.telemetry.plausibility.finding import Finding, Verdict
 from wingwatch.telemetry.plausibility.lines import Lines
 from wingwatch.telemetry.units import units_of
 
@@ -35,11 +35,11 @@ def unit_of_airspeed(
         others = [name for name in off if name != unit and abs(factor - known[name]) < 3.0 * error]
         maybe = f" (or {' or '.join(others)})" if others else ""
         text = f"{said}: it is in {unit}{maybe}"
-        return [Finding(Standing.REFUSAL, *measured, text, lines.in_unit(AIRSPEED, unit))]
+        return [Finding(Verdict.REFUSAL, *measured, text, lines.in_unit(AIRSPEED, unit))]
     stated = lines.entry(AIRSPEED).unit
     if stated in known and abs(factor * known[stated] - 1.0) < near:
         text = f"{said}: it is in m/s and not in {stated}"
-        return [Finding(Standing.REFUSAL, *measured, text, lines.in_unit(AIRSPEED, "m/s"))]
+        return [Finding(Verdict.REFUSAL, *measured, text, lines.in_unit(AIRSPEED, "m/s"))]
     if not 1.0 / _DOUBTFUL < factor < _DOUBTFUL:
-        return [Finding(Standing.WARNING, *measured, f"{said}: they do not fit")]
-    return [Finding(Standing.RIGHT, *measured, said)]
+        return [Finding(Verdict.WARNING, *measured, f"{said}: they do not fit")]
+    return [Finding(Verdict.RIGHT, *measured, said)]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft.atmosphere import GRAVITY_M_S2
-from wingwatch.telemetry.plausibility.finding import Finding, Standing
+from wingwatch.telemetry.plausibility.finding import Finding, Verdict
 from wingwatch.telemetry.plausibility.lines import Lines
 from wingwatch.telemetry.plausibility.spans import Spans, regress
 
@@ -74,7 +74,7 @@ def attitude_findings(
         if other := _exchanged(columns, spans, attitude, rate):
             text = f"{attitude} follows {other} and not {rate}: two axes are exchanged"
             line = lines.from_source_of(rate, other)
-            found.append(Finding(Standing.REFUSAL, rate, "axis", np.nan, np.nan, "", text, line))
+            found.append(Finding(Verdict.REFUSAL, rate, "axis", np.nan, np.nan, "", text, line))
             continue
         slope = _slope(columns, spans, attitude, rate)
         if slope is not None:
@@ -84,7 +84,7 @@ def attitude_findings(
         found += [
             one
             for one in _judged(only_unit, columns, lines, stated_delay_s)
-            if one.channel == _RATES[2] and one.standing is not Standing.WARNING
+            if one.channel == _RATES[2] and one.standing is not Verdict.WARNING
         ]
     return found
 
@@ -137,7 +137,7 @@ def _judged(
     size, sign = abs(s.slope), np.sign(s.slope)
     turned = sign < 0.0
     measured = (s.slope, s.error, "")
-    refused = (Standing.REFUSAL, "slope")
+    refused = (Verdict.REFUSAL, "slope")
     if _close(size, 1.0 / _DEG):
         line = lines.in_unit(s.rate, "deg/s", float(sign))
         text = f"{said}: {s.rate} is in deg/s" + (" and its sign is turned" if turned else "")
@@ -158,8 +158,8 @@ def _judged(
         text = f"{said}: the sign of {channel} is turned{doubt}"
         return [Finding(refused[0], channel, refused[1], *measured, text, lines.turned(channel))]
     if turned or not 1.0 / _OFF < size < _OFF:
-        return [Finding(Standing.WARNING, s.rate, "slope", *measured, f"{said}: they do not fit")]
-    return [Finding(Standing.RIGHT, s.rate, "slope", *measured, said), *_lag(s, lines, stated_s)]
+        return [Finding(Verdict.WARNING, s.rate, "slope", *measured, f"{said}: they do not fit")]
+    return [Finding(Verdict.RIGHT, s.rate, "slope", *measured, said), *_lag(s, lines, stated_s)]
 
 
 def _lag(s: _Slope, lines: Lines, stated_s: Mapping[str, float]) -> list[Finding]:
@@ -173,7 +173,7 @@ def _lag(s: _Slope, lines: Lines, stated_s: Mapping[str, float]) -> list[Finding
         "(a low-pass filter, or a delay)"
     )
     line = lines.earlier(late, abs(lag_s))
-    return [Finding(Standing.WARNING, late, "lag", abs(lag_s), s.lag_error_s, "s", text, line)]
+    return [Finding(Verdict.WARNING, late, "lag", abs(lag_s), s.lag_error_s, "s", text, line)]
 
 
 def _close(size: float, wanted: float) -> bool:

@@ -14,7 +14,7 @@ from wingwatch.aircraft import Aircraft
 from wingwatch.telemetry.maps import ChannelEntry
 from wingwatch.telemetry.plausibility.attitude import attitude_findings
 from wingwatch.telemetry.plausibility.extremes import clipped_findings, stuck_findings
-from wingwatch.telemetry.plausibility.finding import Finding, Standing
+from wingwatch.telemetry.plausibility.finding import Finding, Verdict
 from wingwatch.telemetry.plausibility.forces import gravity_findings, turn_findings
 from wingwatch.telemetry.plausibility.holds import Hold, hold_of
 from wingwatch.telemetry.plausibility.lift import lift_findings
@@ -82,17 +82,17 @@ def check_flight(
         found += lift_findings(columns, None if known else aircraft, lines)
     held = _held(columns)
     if aircraft is not None and not _refused(found) & {*_RATES, *_VANES, _AIRSPEED}:
-        right = {one.channel for one in found if one.check == "slope" and one.standing is Standing.RIGHT}
+        right = {one.channel for one in found if one.check == "slope" and one.standing is Verdict.RIGHT}
         moving = {name: c for name, c in columns.items() if name not in held}
         if right <= set(moving):
             found += response_findings(moving, right, kinds, aircraft, lines)
     found += [*_held_findings(held, kinds, lines), *clipped_findings(columns), *stuck]
-    order = (Standing.REFUSAL, Standing.WARNING, Standing.RIGHT)
+    order = (Verdict.REFUSAL, Verdict.WARNING, Verdict.RIGHT)
     return tuple(sorted(found, key=lambda one: order.index(one.standing)))
 
 
 def _refused(found: list[Finding]) -> set[str]:
-    return {one.channel for one in found if one.standing is Standing.REFUSAL}
+    return {one.channel for one in found if one.standing is Verdict.REFUSAL}
 
 
 def _columns(block: SampleBlock) -> dict[str, Array]:
@@ -129,7 +129,7 @@ def _held(columns: Mapping[str, Array]) -> dict[str, Hold]:
 def _held_findings(held: Mapping[str, Hold], kinds: Mapping[str, str], lines: Lines) -> list[Finding]:
     """One finding for the surfaces together, whose line takes the rows of the slowest, and one for the sensors."""
     found = []
-    for group, standing in ((_SURFACES, Standing.REFUSAL), (_SENSORS, Standing.WARNING)):
+    for group, standing in ((_SURFACES, Verdict.REFUSAL), (_SENSORS, Verdict.WARNING)):
         names = [name for name in held if name in group]
         if not names:
             continue

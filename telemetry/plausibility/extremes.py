@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.telemetry.plausibility.finding import Finding, Standing
+from wingwatch.telemetry.plausibility.finding import Finding, Verdict
 from wingwatch.telemetry.sample import CHANNEL_INDEX, CHANNELS
 
 __all__ = ["clipped_findings", "stuck_findings"]
@@ -41,7 +41,7 @@ def clipped_findings(columns: Mapping[str, Array]) -> list[Finding]:
             f"{name} is clipped at {said} {unit}: {rows.size} readings from {time_s[rows[0]]:.1f} to "
             f"{time_s[rows[-1]]:.1f} s are at its limit"
         )
-        found.append(Finding(Standing.WARNING, name, "clipped", at[0], 0.0, unit, text))
+        found.append(Finding(Verdict.WARNING, name, "clipped", at[0], 0.0, unit, text))
     return found
 
 
@@ -76,5 +76,5 @@ def stuck_findings(columns: Mapping[str, Array]) -> list[Finding]:
         unit = CHANNELS[CHANNEL_INDEX[name]].unit
         value = float(values[edges[longest]])
         text = f"{name} stays at {value:.4g} {unit} from {first:.1f} to {last:.1f} s: a stuck sensor or a dead link"
-        found.append(Finding(Standing.WARNING, name, "stuck", value, 0.0, unit, text))
+        found.append(Finding(Verdict.WARNING, name, "stuck", value, 0.0, unit, text))
     return found

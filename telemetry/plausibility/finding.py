@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-__all__ = ["Finding", "Standing"]
+__all__ = ["Finding", "Verdict"]
 
 
-class Standing(StrEnum):
+class Verdict(StrEnum):
     """How a channel stands to the others."""
 
     RIGHT = "right"
@@ -30,7 +30,7 @@ class Finding:
         line: what to write into the channel map, empty where no line would help; several are parted by line ends.
     """
 
-    standing: Standing
+    standing: Verdict
     channel: str
     check: str
     measured: float

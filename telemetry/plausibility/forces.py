@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from wingwatch.aircraft.atmosphere import GRAVITY_M_S2
 from wingwatch.telemetry.plausibility.airspeed_units import unit_of_airspeed
-from wingwatch.telemetry.plausibility.finding import Finding, Standing
+from wingwatch.telemetry.plausibility.finding import Finding, Verdict
 from wingwatch.telemetry.plausibility.lines import Lines
 from wingwatch.telemetry.plausibility.spans import Spans
 
@@ -60,20 +60,20 @@ def gravity_findings(columns: Mapping[str, Array], lines: Lines) -> list[Finding
     said = f"mean specific force along the vertical is {mean:.2f} ± {error:.1g} m/s2 (-9.81 is right)"
     measured = ("gravity", mean, error, "m/s2")
     if abs(mean + GRAVITY_M_S2) < _NEAR:
-        return [Finding(Standing.RIGHT, _Z, *measured, said)]
+        return [Finding(Verdict.RIGHT, _Z, *measured, said)]
     if abs(mean - GRAVITY_M_S2) < _NEAR:
         text = f"{said}: {_Z} is positive up"
-        return [Finding(Standing.REFUSAL, _Z, *measured, text, lines.turned(_Z))]
+        return [Finding(Verdict.REFUSAL, _Z, *measured, text, lines.turned(_Z))]
     if abs(mean) < _AT_REST and error < _WIDE:
         text = f"{said}: gravity has been taken out of the accelerometers"
-        return [Finding(Standing.REFUSAL, _Z, *measured, text, lines.with_gravity())]
+        return [Finding(Verdict.REFUSAL, _Z, *measured, text, lines.with_gravity())]
     if abs(abs(mean) - 1.0) < _IN_G and error < _NARROW:
         up = mean > 0.0
         text = f"{said}: {_Z} is in g" + (" and positive up" if up else "")
         written = [lines.in_unit(f"specific_force_{axis}_m_s2", "g") for axis in ("x", "y")]
         written.append(lines.in_unit(_Z, "g", -1.0 if up else 1.0))
-        return [Finding(Standing.REFUSAL, _Z, *measured, text, "\n".join(written))]
-    return [Finding(Standing.WARNING, _Z, *measured, f"{said}: it does not carry the weight")]
+        return [Finding(Verdict.REFUSAL, _Z, *measured, text, "\n".join(written))]
+    return [Finding(Verdict.WARNING, _Z, *measured, f"{said}: it does not carry the weight")]
 
 
 def _down(columns: Mapping[str, Array]) -> Array:

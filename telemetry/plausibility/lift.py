@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from wingwatch.aircraft import Aircraft
 from wingwatch.telemetry.plausibility.airspeed_units import unit_of_airspeed
-from wingwatch.telemetry.plausibility.finding import Finding, Standing
+from wingwatch.telemetry.plausibility.finding import Finding, Verdict
 from wingwatch.telemetry.plausibility.lines import Lines
 from wingwatch.telemetry.plausibility.spans import Spans, regress
 
@@ -51,7 +51,7 @@ def lift_findings(columns: Mapping[str, Array], aircraft: Aircraft | None, lines
     lift = spans.mean(-columns["specific_force_z_m_s2"] / pressure)
     alpha = spans.mean(columns[_ALPHA])
     found = _sign(lift, alpha, spans, lines)
-    if any(one.standing is Standing.REFUSAL for one in found) or aircraft is None:
+    if any(one.standing is Verdict.REFUSAL for one in found) or aircraft is None:
         return found
     return [*found, *_airspeed(columns, aircraft, lines)]
 
@@ -66,8 +66,8 @@ def _sign(lift: Array, alpha: Array, spans: Spans, lines: Lines) -> list[Finding
     measured = (_ALPHA, "lift slope", slope, error, "m/s2/rad")
     if slope < 0.0:
         text = f"{said}: the sign of {_ALPHA} is turned"
-        return [Finding(Standing.REFUSAL, *measured, text, lines.turned(_ALPHA))]
-    return [Finding(Standing.RIGHT, *measured, said)]
+        return [Finding(Verdict.REFUSAL, *measured, text, lines.turned(_ALPHA))]
+    return [Finding(Verdict.RIGHT, *measured, said)]
 
 
 def _airspeed(columns: Mapping[str, Array], aircraft: Aircraft, lines: Lines) -> list[Finding]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft import Aircraft
-from wingwatch.telemetry.plausibility.finding import Finding, Standing
+from wingwatch.telemetry.plausibility.finding import Finding, Verdict
 from wingwatch.telemetry.plausibility.lines import Lines
 from wingwatch.telemetry.plausibility.spans import Fit, Spans, regress
 
@@ -94,10 +94,10 @@ def _judged(
     said = f"{axis.symbol} by a first regression is {value:.3g} ± {error:.1g} 1/s2 ({expected:.3g} expected)"
     measured = (axis.surface, "response", value, error, "1/s2")
     if value < 0.0:
-        return [Finding(Standing.RIGHT, *measured, said)]
+        return [Finding(Verdict.RIGHT, *measured, said)]
     channel = _channel(axis.surface, kinds, lines)
     text = f"{said}: the sign of {channel} is turned"
-    return [Finding(Standing.REFUSAL, *measured, text, lines.turned(channel))]
+    return [Finding(Verdict.REFUSAL, *measured, text, lines.turned(channel))]
 
 
 def _fit(axis: _Axis, columns: Mapping[str, Array], spans: Spans, lag_s: float) -> Fit | None:

@@ -92,8 +92,8 @@ class Recording:
                         topic, encoding = channels[record.channel_id]
                         yield RecordedMessage(topic, encoding, record.log_time, record.data)
                 elif isinstance(record, Channel):
-                    told = _ENCODINGS.get(record.message_encoding, "")
-                    channels[record.id] = record.topic, record.metadata.get("zenoh_encoding", told)
+                    encoding = _ENCODINGS.get(record.message_encoding, "")
+                    channels[record.id] = record.topic, record.metadata.get("zenoh_encoding", encoding)
 
 
 def open_recording(paths: Sequence[Path]) -> Recording:
@@ -156,15 +156,15 @@ def _about(path: Path) -> Mapping[str, str]:
         ) from None
     for record in _records(path, [], in_chunks=False):
         if isinstance(record, Metadata) and record.name == PROFILE:
-            told = record.metadata
-            if told.keys() >= {"version", "session", "number", "started_ns"} and _counts(told):
-                return dict(told)
+            run = record.metadata
+            if run.keys() >= {"version", "session", "number", "started_ns"} and _counts(run):
+                return dict(run)
             break
     raise RecordingError(f"{path}: the recording is damaged: it names no run; record anew")
 
 
-def _counts(told: Mapping[str, str]) -> bool:
-    return told["number"].isdecimal() and told["started_ns"].isdecimal()
+def _counts(run: Mapping[str, str]) -> bool:
+    return run["number"].isdecimal() and run["started_ns"].isdecimal()
 
 
 def _records(path: Path, notes: list[str], *, in_chunks: bool) -> Iterator[Any]:

@@ -451,7 +451,7 @@ def test_full_longitudinal_conversion_is_the_mass_matrix() -> None:
 
 
 def test_non_dimensional_forms_do_not_hang_on_the_condition() -> None:
-    """What the coefficients are is told back by the American form: CX_u, CZ_alpha by alpha, CY_beta, Cl_p."""
+    """The American form gives the coefficients back: CX_u, CZ_alpha by alpha, CY_beta, Cl_p."""
     c = TWINOTTER.need_coefficients("the test")
     condition = cruise(TWINOTTER)
 

@@ -27,7 +27,7 @@ _PATIENCE_S = 20.0
 
 @dataclass
 class FlownIcing:
-    """The service, and its one vehicle, which flies on when it is told to.
+    """The service, and its one vehicle, which flies on by command.
 
     Attributes:
         url: of the service.

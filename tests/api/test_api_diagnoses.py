@@ -91,18 +91,18 @@ def test_progress_is_told_as_it_happens_until_the_job_has_ended(
     port.diagnoses = lambda: [next(states)]  # type: ignore[method-assign]
     answer = client.get("/v1/diagnoses/d1/events")
     assert answer.headers["content-type"].startswith("text/event-stream")
-    told = [
+    steps = [
         json.loads(line.removeprefix("data: "))
         for line in answer.text.splitlines()
         if line.startswith("data")
     ]
-    assert [(one["state"], one["progress"]) for one in told] == [
+    assert [(one["state"], one["progress"]) for one in steps] == [
         ("queued", 0.0),
         ("running", 0.25),
         ("done", 1.0),
     ]
-    assert told[-1]["report"] == "/v1/diagnoses/d1/report"
-    assert all(one["result"] is None for one in told)
+    assert steps[-1]["report"] == "/v1/diagnoses/d1/report"
+    assert all(one["result"] is None for one in steps)
 
 
 def test_a_diagnosis_that_there_is_not_has_no_progress(client: httpx.Client) -> None:

@@ -45,7 +45,7 @@ def run(work: Coroutine[Any, Any, None]) -> None:
     asyncio.run(asyncio.wait_for(work, 10.0))
 
 
-def told(count: int) -> FakeMonitor:
+def monitor_with(count: int) -> FakeMonitor:
     monitor = FakeMonitor()
     for number in range(count):
         monitor.tell("status", {"number": number + 1})
@@ -54,7 +54,7 @@ def told(count: int) -> FakeMonitor:
 
 def test_a_new_listener_gets_what_comes_after_it() -> None:
     async def work() -> None:
-        monitor = told(3)
+        monitor = monitor_with(3)
         stream = EventStreams(monitor).admit(None)
         assert frames(await anext(stream)) == []
         monitor.tell("alert", {"id": "a1", "size": float("nan"), "text": "line\nbreak"})
@@ -66,7 +66,7 @@ def test_a_new_listener_gets_what_comes_after_it() -> None:
 
 def test_a_returning_listener_gets_what_it_missed_once_and_in_order() -> None:
     async def work() -> None:
-        stream = EventStreams(told(5)).admit("2")
+        stream = EventStreams(monitor_with(5)).admit("2")
         assert [frame.id for frame in await take(stream, 3)] == [3, 4, 5]
 
     run(work())
@@ -74,7 +74,7 @@ def test_a_returning_listener_gets_what_it_missed_once_and_in_order() -> None:
 
 def test_a_listener_learns_that_events_are_lost() -> None:
     async def work() -> None:
-        stream = EventStreams(told(1500)).admit("3")
+        stream = EventStreams(monitor_with(1500)).admit("3")
         found = await take(stream, 1001)
         assert (found[0].kind, found[0].id) == ("resync", None)
         assert "no longer kept" in found[0].data["reason"]
@@ -85,7 +85,7 @@ def test_a_listener_learns_that_events_are_lost() -> None:
 
 def test_a_slow_listener_learns_that_events_were_lost_while_it_slept() -> None:
     async def work() -> None:
-        monitor = told(1)
+        monitor = monitor_with(1)
         stream = EventStreams(monitor).admit("0")
         assert [frame.id for frame in await take(stream, 1)] == [1]
         for _ in range(1200):
@@ -97,7 +97,7 @@ def test_a_slow_listener_learns_that_events_were_lost_while_it_slept() -> None:
 
 def test_a_listener_of_an_earlier_service_is_told_to_read_again() -> None:
     async def work() -> None:
-        monitor = told(2)
+        monitor = monitor_with(2)
         stream = EventStreams(monitor).admit("5000")
         (first,) = await take(stream, 1)
         assert first.kind == "resync"
@@ -146,13 +146,13 @@ def test_silence_is_bridged_by_comments() -> None:
 
 def test_a_listener_of_an_earlier_service_is_told_though_the_new_one_has_had_more_events() -> None:
     async def work() -> None:
-        before = EventStreams(told(5), start=7_000_000_000).admit("7000000003")
+        before = EventStreams(monitor_with(5), start=7_000_000_000).admit("7000000003")
         assert [frame.id for frame in await take(before, 2)] == [7_000_000_004, 7_000_000_005]
-        after = EventStreams(told(50), start=2_000_000_000).admit("7000000005")
+        after = EventStreams(monitor_with(50), start=2_000_000_000).admit("7000000005")
         (first,) = await take(after, 1)
         assert first.kind == "resync"
         assert "started anew" in first.data["reason"]
-        smaller = EventStreams(told(50), start=8_000_000_000).admit("7000000005")
+        smaller = EventStreams(monitor_with(50), start=8_000_000_000).admit("7000000005")
         assert (await take(smaller, 1))[0].kind == "resync"
 
     run(work())
@@ -161,7 +161,7 @@ def test_a_listener_of_an_earlier_service_is_told_though_the_new_one_has_had_mor
 def test_two_starts_of_the_service_number_their_events_differently() -> None:
     ids = []
     for _ in range(2):
-        monitor = told(1)
+        monitor = monitor_with(1)
         with served(monitor) as (_, client), client.stream("GET", "/v1/events") as answer:
             lines = answer.iter_lines()
             assert next(lines) == "retry: 2000"
@@ -204,7 +204,7 @@ def test_idle_streams_do_not_shut_out_another() -> None:
 
 
 def test_sixty_four_idle_streams_do_not_shut_out_the_next() -> None:
-    monitor = told(1)
+    monitor = monitor_with(1)
     with served(monitor) as (server, client):
         idle = []
         for _ in range(64):

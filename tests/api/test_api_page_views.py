@@ -180,8 +180,8 @@ def test_sound_and_notifications_are_off_until_switched_on_and_for_warnings_alon
     with served(monitor) as (server, _), open_tab(browser, server.url) as page:
         page.tab.context.grant_permissions(["notifications"])
         page.tab.add_init_script(
-            "window.told = []; window.Notification = class { static permission = 'granted';"
-            "static async requestPermission() { return 'granted'; } constructor(title) { told.push(title); } };"
+            "window.notices = []; window.Notification = class { static permission = 'granted';"
+            "static async requestPermission() { return 'granted'; } constructor(title) { notices.push(title); } };"
         )
         page.tab.reload()
         page.wait("document.getElementById('link').dataset.link === 'live'")
@@ -192,13 +192,13 @@ def test_sound_and_notifications_are_off_until_switched_on_and_for_warnings_alon
             page.wait(f"document.querySelector('#alerts [data-alert=a{number}]') !== null")
 
         tell(3)
-        assert (page.ask(sounded), page.ask("told")) == (0, [])
+        assert (page.ask(sounded), page.ask("notices")) == (0, [])
         page.tab.click("#sound")
         page.tab.click("#notify")
-        assert page.ask(sounded) == 1, "it is heard when it is switched on"
+        assert page.ask(sounded) == 1, "it sounds once it is switched on"
         tell(4, level="critical")
         tell(5, level="watch")
-        assert (page.ask(sounded), page.ask("told")) == (2, ["Icing on aero-1"])
+        assert (page.ask(sounded), page.ask("notices")) == (2, ["Icing on aero-1"])
         page.tab.reload()
         page.wait("document.querySelectorAll('#alerts > li').length === 5")
         assert page.ask("document.getElementById('sound').getAttribute('aria-pressed')") == "true"

@@ -16,7 +16,7 @@ from wingwatch.monitor.views import AlertState, AlertView, VehicleView
 
 
 class FaultyMonitor(FakeMonitor):
-    """Fails on what no route foresees, when told to."""
+    """Fails on what no route foresees, where the test asks for it."""
 
     broken = False
 

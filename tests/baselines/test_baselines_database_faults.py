@@ -299,7 +299,7 @@ def test_settings_that_make_no_sense_are_refused(tmp_path: Path) -> None:
 
 
 def test_alerts_and_actions_wait_for_the_disk_and_the_rest_does_not(tmp_path: Path) -> None:
-    """What is told must survive a power cut; what flights teach may lose its last seconds."""
+    """What was announced must survive a power cut; what flights teach may lose its last seconds."""
     with open_database(tmp_path / "w.db") as database:
         seen: list[int] = []
         event.listen(

@@ -153,7 +153,7 @@ def test_a_stage_that_takes_another_in_is_timed_without_it(monkeypatch: pytest.M
     live = load("live_fleet")
     clock_s = iter([0.0, 1.0, 3.0, 10.0])
     monkeypatch.setattr(live.time, "thread_time", lambda: next(clock_s))
-    monkeypatch.setattr(live.threading.current_thread(), "name", live.PUMP)
+    monkeypatch.setattr(live.threading.current_thread(), "name", live.INGEST)
     watch = live.Stopwatch()
     inner = watch.timed("filter", lambda: None)
     watch.timed("all else", inner)()

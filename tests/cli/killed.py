@@ -1,4 +1,4 @@
-"""Kills a process that raises alerts and acts on them, at random instants, and says what it had told and lost.
+"""Kills a process that raises alerts and acts on them, at random instants, and prints what it had announced and lost.
 
 Run: python tests/cli/killed.py DATABASE ROUNDS SEED. A process of its own, because it forks: it must have no threads.
 """
@@ -23,7 +23,7 @@ from wingwatch.monitor.ports import News
 
 
 class _Said:
-    """Outputs that write down what is told."""
+    """Outputs that write down what is announced."""
 
     def __init__(self, paper: IO[str]) -> None:
         self._paper = paper
@@ -31,7 +31,7 @@ class _Said:
     def announce(self, fleet: str, vehicle: str, stream: str, news: Callable[[], News]) -> None:
         value = news()
         if isinstance(value, AlertView):
-            self.write("told", value)
+            self.write("announced", value)
 
     def ask_aircraft(self, fleet: str, vehicle: str) -> None:
         pass
@@ -75,7 +75,7 @@ def _alert(name: str, level: str) -> AlertView:
 
 
 def lost_of(lines: list[str], kept: dict[str, AlertRecord]) -> list[str]:
-    """What was told or done and is not in the database."""
+    """What was announced or done and is not in the database."""
     lost = []
     levels = ("watch", "warning", "critical")
     for line in lines:
@@ -91,7 +91,7 @@ def lost_of(lines: list[str], kept: dict[str, AlertRecord]) -> list[str]:
 def main(database: str, rounds: int, seed: int) -> dict[str, object]:
     """All rounds; each goes on with the database of the one before."""
     draw = random.Random(seed)
-    told = acted = 0
+    announced = acted = 0
     lost: list[str] = []
     for k in range(rounds):
         reading, writing = os.pipe()
@@ -106,10 +106,10 @@ def main(database: str, rounds: int, seed: int) -> dict[str, object]:
             os.kill(child, signal.SIGKILL)
             os.waitpid(child, 0)
             lines = [first, *paper.read().splitlines()]
-        told += sum('"told"' in line for line in lines)
+        announced += sum('"announced"' in line for line in lines)
         acted += sum('"acted"' in line for line in lines)
         lost += lost_of(lines, _kept(database))
-    return {"rounds": rounds, "told": told, "acted": acted, "lost": lost}
+    return {"rounds": rounds, "announced": announced, "acted": acted, "lost": lost}
 
 
 def _kept(database: str) -> dict[str, AlertRecord]:

@@ -45,16 +45,16 @@ class Fleet:
 
     last_s: float = 61.0
     flights: dict[str, AlertView] = field(default_factory=dict)
-    told: list[Event] = field(default_factory=list)
+    announced: list[Event] = field(default_factory=list)
     findings: list[AlertFinding] = field(default_factory=list)
 
     def raise_alert(self, alert: AlertView) -> None:
         self.flights[alert.id] = alert
         data = {"id": alert.id, "state": str(alert.state), "kind": alert.kind, "cause": alert.cause}
-        self.told.append(Event(len(self.told) + 1, "alert", data))
+        self.announced.append(Event(len(self.announced) + 1, "alert", data))
 
     def events(self, after: int) -> Sequence[Event]:
-        return [event for event in self.told if event.id > after]
+        return [event for event in self.announced if event.id > after]
 
     def alert_flight(self, alert_id: str) -> AlertFlight | None:
         if alert_id not in self.flights:

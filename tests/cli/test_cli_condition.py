@@ -64,8 +64,8 @@ def test_injected_errors_are_found_and_taken_out(
     np.testing.assert_allclose(change, bias["value"], atol=1e-12)
     late = np.interp(flown.time_s + delay["value"], flown.time_s, flown.column(ALPHA))
     errors = by_name(result["sensors"])
-    told = errors[f"bias of {ALPHA}"], errors[f"scale of {ALPHA}"]
-    offset, scale = (row["value"] if row["observable"] else 0.0 for row in told)
+    pair = errors[f"bias of {ALPHA}"], errors[f"scale of {ALPHA}"]
+    offset, scale = (row["value"] if row["observable"] else 0.0 for row in pair)
     kept = np.isfinite(corrected.column(ALPHA))
     assert kept.sum() > len(flown) - 10
     np.testing.assert_allclose(

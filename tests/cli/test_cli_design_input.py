@@ -32,10 +32,10 @@ def test_the_result_has_design_promise_response_and_notes(capsys: pytest.Capture
     assert elevator["step_s"] == pytest.approx(2.3 / elevator["natural_frequency_rad_s"], abs=0.01)
     assert elevator["energy_rad2_s"] == pytest.approx(math.radians(2.0) ** 2 * 2.0 * elevator["step_s"])
     assert elevator["band_hz"] == [0.1, 4.0]
-    told = result["promise"]["short_period"]
-    assert list(told) == list(SHORT_PERIOD.derivatives)
-    assert told["m_q"]["unit"] == "1/s"
-    assert all(0.0 < row["standard_error"] < abs(row["value"]) for row in told.values())
+    predicted = result["promise"]["short_period"]
+    assert list(predicted) == list(SHORT_PERIOD.derivatives)
+    assert predicted["m_q"]["unit"] == "1/s"
+    assert all(0.0 < row["standard_error"] < abs(row["value"]) for row in predicted.values())
     assert len(result["time_s"]) == len(result["inputs_rad"]["elevator"]) == 500
     u = np.array(result["inputs_rad"]["elevator"])
     spectrum = result["spectrum"]
@@ -49,8 +49,8 @@ def test_the_result_has_design_promise_response_and_notes(capsys: pytest.Capture
 def test_half_the_amplitude_promises_twice_the_error(capsys: pytest.CaptureFixture[str]) -> None:
     errors = []
     for degrees in ("2", "1"):
-        told = run(capsys, [*DOUBLET, "--amplitude", degrees, "--json"]).json["promise"]["short_period"]
-        errors.append([row["standard_error"] for row in told.values()])
+        predicted = run(capsys, [*DOUBLET, "--amplitude", degrees, "--json"]).json["promise"]["short_period"]
+        errors.append([row["standard_error"] for row in predicted.values()])
     np.testing.assert_allclose(errors[1], 2.0 * np.array(errors[0]), rtol=1e-6)
 
 
@@ -207,8 +207,8 @@ def test_the_library_aircraft_with_sensors_all_have_promises(capsys: pytest.Capt
         assert load_aircraft(name).sensors.noise_std
         for mode in ("short_period", "lateral"):
             asked = ("design-input", "--aircraft", name, "--mode", mode, "--kind", "3211", "--json")
-            told = run(capsys, asked).json["promise"][mode]
-            assert all(row["standard_error"] > 0.0 for row in told.values()), (name, mode)
+            predicted = run(capsys, asked).json["promise"][mode]
+            assert all(row["standard_error"] > 0.0 for row in predicted.values()), (name, mode)
 
 
 def test_widths_are_of_the_mode_as_the_aircraft_flies_it(capsys: pytest.CaptureFixture[str]) -> None:
@@ -247,9 +247,9 @@ def test_a_phugoid_flown_hands_off_is_estimated_as_promised(
         "--structure",
         "phugoid",
     ]
-    told = run(capsys, [*asked, "--json"]).json["estimators"]["output-error"]["phugoid"]["derivatives"]
+    predicted = run(capsys, [*asked, "--json"]).json["estimators"]["output-error"]["phugoid"]["derivatives"]
     for symbol, row in design["promise"]["phugoid"].items():
-        assert told[symbol]["outcome"] == "converged"
-        assert 0.5 < told[symbol]["standard_error"] / row["standard_error"] < 2.0
+        assert predicted[symbol]["outcome"] == "converged"
+        assert 0.5 < predicted[symbol]["standard_error"] / row["standard_error"] < 2.0
         # the mode's own model leaves out that w and q do not follow at once
-        assert abs(told[symbol]["value"] / row["value"] - 1.0) < 0.3
+        assert abs(predicted[symbol]["value"] / row["value"] - 1.0) < 0.3

@@ -18,7 +18,7 @@ from wingwatch.telemetry import SampleBlock, write_flight
 PATIENCE_S = 60.0
 MAP = "format = 1\n[channels]\n"
 
-# Told by its flight what to do: it stands for the process that does the work.
+# Its flight says what it does: it stands for the process that does the work.
 WORKER = """
 import json, os, sys, time
 from pathlib import Path

@@ -73,12 +73,14 @@ def test_a_saved_model_is_an_aircraft_with_identified_entries(
         assert entry.provenance is Provenance.IDENTIFIED
         assert "first.parquet" in entry.source
         assert entry.condition.airspeed_true_m_s == mode["condition"]["airspeed_true_m_s"]
-        told = {
+        observed = {
             s: row for s, row in mode["derivatives"].items() if row["outcome"] in ("converged", "settling")
         }
-        assert {s: entry.derivatives[s].value for s in told} == {s: row["value"] for s, row in told.items()}
-        assert {s: entry.derivatives[s].standard_error for s in told} == {
-            s: row["standard_error"] for s, row in told.items()
+        assert {s: entry.derivatives[s].value for s in observed} == {
+            s: row["value"] for s, row in observed.items()
+        }
+        assert {s: entry.derivatives[s].standard_error for s in observed} == {
+            s: row["standard_error"] for s, row in observed.items()
         }
     assert main(["monitor", str(flights["second"]), "--aircraft", str(path), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["alerts"] == []
@@ -91,7 +93,7 @@ def test_a_flight_that_tells_nothing_writes_no_file(
     path, flight = tmp_path / "quiet.toml", tmp_path / "quiet.parquet"
     write_flight(simulate(replace(quiet, manoeuvres=(), turbulence="none"), SECONDS), flight)
     assert main(["estimate", str(flight), "--aircraft", "aerosonde", "--save", str(path)]) == 2
-    assert "told no structure that could be saved" in capsys.readouterr().err
+    assert "no structure of the flight could be saved" in capsys.readouterr().err
     assert not path.exists()
 
 

@@ -114,7 +114,7 @@ def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Bench:
 
 
 class Preparing:
-    """``prepare`` in a thread, as the pump has it."""
+    """``prepare`` in a thread, as the ingest has it."""
 
     def __init__(self, compiler: KernelCompiler) -> None:
         self.compiler = compiler

@@ -1,4 +1,4 @@
-"""A service that is killed has lost nothing that it had told or answered."""
+"""A service that is killed has lost nothing that it had announced or answered."""
 
 import json
 import os
@@ -34,7 +34,7 @@ def test_no_alert_that_was_told_and_no_action_that_was_answered_is_lost_at_a_kil
     assert ended.returncode == 0, ended.stderr
     result = json.loads(ended.stdout)
     assert result["lost"] == []
-    assert result["told"] > result["rounds"]
+    assert result["announced"] > result["rounds"]
     assert result["acted"] > 0
 
 

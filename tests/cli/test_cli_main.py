@@ -1,4 +1,4 @@
-"""The command line as such: help, usage, and how faults are told."""
+"""The command line as such: help, usage, and how faults are reported."""
 
 import re
 import subprocess

@@ -114,12 +114,12 @@ def test_threads_that_ended_are_named_on_ready_status_and_metrics(service: Servi
 def test_messages_in_hand_for_too_long_are_named_until_they_are_done(
     service: Service, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    pump = service.pump
-    monkeypatch.setattr(pump, "_since_s", time.monotonic() - 4.0)
+    ingest = service.ingest
+    monkeypatch.setattr(ingest, "_since_s", time.monotonic() - 4.0)
     assert problem(service, "messages") == ""
-    monkeypatch.setattr(pump, "_since_s", time.monotonic() - 6.0)
+    monkeypatch.setattr(ingest, "_since_s", time.monotonic() - 6.0)
     assert problem(service, "messages").startswith("messages wait for 6 s before")
-    monkeypatch.setattr(pump, "_since_s", None)
+    monkeypatch.setattr(ingest, "_since_s", None)
     assert problem(service, "messages") == ""
 
 

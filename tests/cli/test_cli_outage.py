@@ -1,4 +1,4 @@
-"""A database that is locked or frozen: samples go on being taken in, nothing told is lost, and it heals by itself."""
+"""A database that is locked or frozen: samples are taken in, nothing announced is lost, and it heals by itself."""
 
 import os
 import sqlite3

@@ -59,9 +59,9 @@ def test_the_lines_that_are_given_mend_the_flight(
     lines = "\n".join(f'{name} = {{ source = "{name}", unit = "deg/s" }}' for name in RATES)
     (tmp_path / "map.toml").write_text(f"format = 1\n[channels]\n{lines}\n")
     result = run(capsys, [command, flight, *CALL, "--map", tmp_path / "map.toml", "--json"]).json
-    standings = {one["channel"]: one["standing"] for one in result["plausibility"]}
-    assert standings["roll_rate_rad_s"] == "right"
-    assert set(standings.values()) == {"right"}
+    validities = {one["channel"]: one["standing"] for one in result["plausibility"]}
+    assert validities["roll_rate_rad_s"] == "right"
+    assert set(validities.values()) == {"right"}
 
 
 @pytest.mark.parametrize("command", ["estimate", "monitor"])
@@ -103,9 +103,9 @@ def test_condition_shows_every_channel_and_goes_on(
     flight = written(tmp_path, -1.0, ("specific_force_z_m_s2",))
     ran = run(capsys, ["condition", flight, *CALL, "--json"])
     assert ran.code == 0
-    standings = {(one["channel"], one["check"]): one["standing"] for one in ran.json["plausibility"]}
-    assert standings["specific_force_z_m_s2", "gravity"] == "refusal"
-    assert standings["roll_rate_rad_s", "slope"] == "right"
+    validities = {(one["channel"], one["check"]): one["standing"] for one in ran.json["plausibility"]}
+    assert validities["specific_force_z_m_s2", "gravity"] == "refusal"
+    assert validities["roll_rate_rad_s", "slope"] == "right"
     assert "scale = -1" in run(capsys, ["condition", flight, *CALL]).out
 
 

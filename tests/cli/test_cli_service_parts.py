@@ -1,4 +1,4 @@
-"""Parts of the service on their own: the pump, the outputs, the display."""
+"""Parts of the service on their own: the ingest, the outputs, the display."""
 
 import io
 import threading
@@ -17,7 +17,7 @@ from wingwatch.api import KernelsView
 from wingwatch.cli.fleet_display import FleetLines, fleet_table
 from wingwatch.cli.kernels import KernelError
 from wingwatch.cli.outputs import ZenohOutputs
-from wingwatch.cli.service import Pump
+from wingwatch.cli.service import IngestLoop
 from wingwatch.monitor import (
     AlertState,
     AlertView,
@@ -95,30 +95,30 @@ class Recorder:
 
 
 class Prepared:
-    """A preparation that is over at once, or fails, or ends when it is told to."""
+    """A preparation that is over at once, or fails, or ends on request."""
 
     def __init__(self, fault: Exception | None = None, held: bool = False) -> None:
         self._fault, self._held = fault, held
-        self._told = threading.Event()
+        self._asked_to_end = threading.Event()
 
     def prepare(self) -> bool:
         if self._fault is not None:
             raise self._fault
-        return not (self._held and self._told.wait(PATIENCE_S))
+        return not (self._held and self._asked_to_end.wait(PATIENCE_S))
 
     def view(self) -> KernelsView:
         return KernelsView("Kernels are compiled for a test.", [], 1.0, None)
 
     def stop(self) -> None:
-        self._told.set()
+        self._asked_to_end.set()
 
 
-def pump_over(
+def ingest_over(
     queue: Queue, monitor: Recorder, preparation: Prepared | None = None
-) -> tuple[Pump, threading.Event]:
+) -> tuple[IngestLoop, threading.Event]:
     arrived = threading.Event()
     subscriber, fleet = cast(SensorSubscriber, queue), cast(FleetMonitor, monitor)
-    return Pump(subscriber, fleet, arrived, preparation or Prepared()), arrived
+    return IngestLoop(subscriber, fleet, arrived, preparation or Prepared()), arrived
 
 
 def message(vehicle: str) -> InboundMessage:
@@ -127,37 +127,37 @@ def message(vehicle: str) -> InboundMessage:
 
 def test_a_fault_over_one_vehicle_does_not_end_the_watch_over_others() -> None:
     queue, monitor = Queue(), Recorder()
-    pump, arrived = pump_over(queue, monitor)
-    pump.start()
+    ingest, arrived = ingest_over(queue, monitor)
+    ingest.start()
     queue.messages = [message("a"), message("bad")]
     arrived.set()
-    until(lambda: pump.faults == 1)
+    until(lambda: ingest.faults == 1)
     queue.messages = [message("b")]
     arrived.set()
     until(lambda: monitor.got == ["a", "b"])
-    assert pump.faults == 1
-    until(lambda: pump.in_hand_s == 0.0)
-    assert sum(pump.delays.view().counts) == 3
-    assert pump.problem is None
+    assert ingest.faults == 1
+    until(lambda: ingest.in_hand_s == 0.0)
+    assert sum(ingest.delays.view().counts) == 3
+    assert ingest.problem is None
     assert monitor.ticks >= 1
-    pump.stop()
-    assert not pump.loop.alive
-    assert pump.problem is not None
+    ingest.stop()
+    assert not ingest.loop.alive
+    assert ingest.problem is not None
 
 
 def test_of_a_vehicle_that_has_enough_nothing_is_taken_and_how_long_it_waits_is_told() -> None:
     queue, monitor = Queue(), Recorder()
     monitor.full = "busy"
-    pump, arrived = pump_over(queue, monitor)
+    ingest, arrived = ingest_over(queue, monitor)
     queue.messages = [message("busy"), message("a")]
-    pump.start()
+    ingest.start()
     arrived.set()
     until(lambda: monitor.got == ["a"])
     until(lambda: ("default", "busy") in monitor.lags_s)
     assert monitor.got == ["a"]
     monitor.full = ""
     until(lambda: monitor.got == ["a", "busy"])
-    pump.stop()
+    ingest.stop()
     assert queue.messages == []
 
 
@@ -165,27 +165,27 @@ def test_of_a_vehicle_that_has_enough_nothing_is_taken_and_how_long_it_waits_is_
     "fault", [KernelError("They cannot be compiled: no space left"), OSError("no space left")]
 )
 def test_kernels_that_cannot_be_compiled_are_told(caplog: pytest.LogCaptureFixture, fault: Exception) -> None:
-    pump, _ = pump_over(Queue(), Recorder(), Prepared(fault))
-    assert pump.problem == "Kernels are compiled for a test."
-    pump.start()
-    until(lambda: not pump.loop.alive)
-    assert pump.problem is not None
-    assert pump.problem.endswith("no space left.")
-    assert not pump.wait(0.0)
+    ingest, _ = ingest_over(Queue(), Recorder(), Prepared(fault))
+    assert ingest.problem == "Kernels are compiled for a test."
+    ingest.start()
+    until(lambda: not ingest.loop.alive)
+    assert ingest.problem is not None
+    assert ingest.problem.endswith("no space left.")
+    assert not ingest.wait(0.0)
     traces = [record.exc_info is not None for record in caplog.records]
     assert traces == [isinstance(fault, OSError)]  # a sentence needs no trace
 
 
 def test_an_end_during_the_preparation_is_at_once_and_no_fault(caplog: pytest.LogCaptureFixture) -> None:
     queue, monitor = Queue(), Recorder()
-    pump, arrived = pump_over(queue, monitor, Prepared(held=True))
-    pump.start()
+    ingest, arrived = ingest_over(queue, monitor, Prepared(held=True))
+    ingest.start()
     queue.messages = [message("a")]
     arrived.set()
-    assert not pump.wait(0.1)
+    assert not ingest.wait(0.1)
     assert monitor.got == []
-    pump.stop()
-    assert not pump.loop.alive
+    ingest.stop()
+    assert not ingest.loop.alive
     assert caplog.records == []
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from wingwatch.cli.arguments import build_parser
 from wingwatch.cli.faults import CommandError
-from wingwatch.cli.hangar import Hangar
+from wingwatch.cli.hangar import AircraftRegistry
 from wingwatch.cli.settings import DATABASE_VARIABLE, ServeSettings, serve_settings
 
 LIBRARY = ("aerosonde", "aerosonde-a", "jetstream31", "twinotter", "ultrastick25e")
@@ -72,13 +72,13 @@ def test_an_absent_file_and_a_wrong_flag_are_told(tmp_path: Path) -> None:
         settings("--port", "70000")
 
 
-def test_the_hangar_finds_library_and_files_by_name(tmp_path: Path) -> None:
+def test_the_registry_finds_library_and_files_by_name(tmp_path: Path) -> None:
     file = tmp_path / "anything.toml"
     file.write_text('format = 1\nname = "mine"\n')
-    hangar = Hangar((file,))
-    assert hangar.names == tuple(sorted((*LIBRARY, "mine")))
-    assert hangar.find("mine").name == "mine"
-    assert hangar.find("aerosonde").name == "aerosonde"
+    registry = AircraftRegistry((file,))
+    assert registry.names == tuple(sorted((*LIBRARY, "mine")))
+    assert registry.find("mine").name == "mine"
+    assert registry.find("aerosonde").name == "aerosonde"
 
 
 def test_a_name_from_the_network_opens_no_file(tmp_path: Path) -> None:
@@ -86,14 +86,14 @@ def test_a_name_from_the_network_opens_no_file(tmp_path: Path) -> None:
     file.write_text('format = 1\nname = "secret"\n')
     for name in (str(file), "secret", "../aerosonde", ""):
         with pytest.raises(ValueError, match="is not known here"):
-            Hangar().find(name)
+            AircraftRegistry().find(name)
 
 
 def test_two_aircraft_of_one_name_are_refused(tmp_path: Path) -> None:
     file = tmp_path / "other.toml"
     file.write_text('format = 1\nname = "aerosonde"\n')
     with pytest.raises(CommandError, match="'aerosonde' is taken"):
-        Hangar((file,))
+        AircraftRegistry((file,))
     file.write_text('format = 1\nname = "mine"\n')
     with pytest.raises(CommandError, match="'mine' is taken"):
-        Hangar((file, file))
+        AircraftRegistry((file, file))

@@ -198,22 +198,22 @@ def test_a_locked_database_holds_nobody_up_and_loses_no_alert(database: Database
 
 
 def test_an_alert_is_told_when_it_is_committed_and_not_before(database: Database, tmp_path: Path) -> None:
-    told: list[AlertView] = []
+    announced: list[AlertView] = []
 
     def kept(alert: AlertView) -> None:
         stored = database.alert(alert.id)
         assert stored is not None
         assert alert_view(stored) == alert
-        told.append(alert)
+        announced.append(alert)
 
     with DatabaseStore(database, lambda: 1000.0) as store:
         with locked(tmp_path):
             store.save_alert(ALERT, kept)
             until(lambda: store.problem is not None)
-            assert told == []
+            assert announced == []
             store.save_alert(replace(ALERT, level="critical"), kept)
-        until(lambda: told != [])
-    assert told == [replace(ALERT, level="critical")]
+        until(lambda: announced != [])
+    assert announced == [replace(ALERT, level="critical")]
 
 
 # -- what people do -------------------------------------------------------------------------------
@@ -384,7 +384,7 @@ def test_what_waits_is_bounded_and_what_is_dropped_is_counted(
 def test_an_insert_whose_reply_was_lost_is_repeated_once_and_holds_nothing_up(
     database: Database, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The entry is there, and nobody has been told: the second time finds it, and all the rest is stored too."""
+    """The entry is there, and nobody has been answered: the second time finds it, and all the rest is stored too."""
     save = Database.save_alert
     lost: list[AlertRecord] = []
 

@@ -25,7 +25,7 @@ def first(flight: SampleBlock, seconds: float) -> SampleBlock:
     return SampleBlock(flight.values[: round(50.0 * seconds)])
 
 
-def told(name: str, seconds: float = 60.0) -> Diagnosis:
+def diagnosed(name: str, seconds: float = 60.0) -> Diagnosis:
     """What is said of the first seconds of a case; what is hidden must be named first."""
     case = FIXED[name]()
     found = diagnose(first(case.flight, seconds), case.aircraft, kinds=case.kinds)
@@ -37,7 +37,7 @@ def told(name: str, seconds: float = 60.0) -> Diagnosis:
 
 @pytest.mark.parametrize(("name", "seconds"), [("slow-actuator", 60.0)])
 def test_what_is_hidden_in_a_simulated_flight_is_named_first(name: str, seconds: float) -> None:
-    found = told(name, seconds)
+    found = diagnosed(name, seconds)
     assert found.gain is not None
     assert found.gain.source == "windows left out"
     assert min(change.value for change in found.gain.change.values()) < -0.05
@@ -47,12 +47,12 @@ def test_what_is_hidden_in_a_simulated_flight_is_named_first(name: str, seconds:
 
 @pytest.mark.parametrize("name", ["jsbsim-weak-elevator"])
 def test_what_is_hidden_in_a_flight_of_others_is_named_first(name: str) -> None:
-    assert told(name, 30.0).causes[0].held_out_gain > 0.0
+    assert diagnosed(name, 30.0).causes[0].held_out_gain > 0.0
 
 
 @pytest.mark.parametrize(("name", "seconds"), [("nothing", 60.0), ("jsbsim-nothing", 30.0)])
 def test_nothing_is_claimed_where_nothing_is_hidden(name: str, seconds: float) -> None:
-    found = told(name, seconds)
+    found = diagnosed(name, seconds)
     assert found.causes == ()
     assert found.model is None
     assert found.gain is None
@@ -89,8 +89,8 @@ def test_a_jetstream_with_late_inertial_sensors_is_seen_through_from_the_command
         assert after > 0.99 > before, channel
 
     def damping(aircraft: Path) -> Any:
-        told = asked(capsys, "estimate", flight, "--aircraft", aircraft, "--estimator", "equation-error")
-        return told["estimators"]["equation-error"]["short_period"]["derivatives"]["m_q"]
+        diagnosed = asked(capsys, "estimate", flight, "--aircraft", aircraft, "--estimator", "equation-error")
+        return diagnosed["estimators"]["equation-error"]["short_period"]["derivatives"]["m_q"]
 
     without, mended = damping(stated), damping(extended)
     assert without["value"] + 1.96 * without["standard_error"] > 0.0  # of its sign nothing is known

@@ -34,7 +34,7 @@ def service_in(folder: Path, **settings: Any) -> Iterator[tuple[Service, str]]:
     endpoint = free_endpoint()
     given = ServeSettings(port=0, listen=(endpoint,), data=folder, **settings)
     with running_service(given) as service:
-        assert service.pump.wait(COMPILE_S)
+        assert service.ingest.wait(COMPILE_S)
         yield service, endpoint
 
 
@@ -55,7 +55,7 @@ def until(condition: Callable[[], bool], patience_s: float = PATIENCE_S) -> None
 
 
 def known(service: Service, vehicle: str) -> dict[str, Any] | None:
-    """The vehicle as REST gives it, None while nobody has heard of it."""
+    """The vehicle as REST gives it, None before its first message."""
     answer = CLIENT.get(f"{service.url}/v1/vehicles/{vehicle}")
     return answer.json() if answer.status_code == 200 else None
 

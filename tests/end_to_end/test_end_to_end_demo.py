@@ -26,7 +26,7 @@ def test_the_demonstration_shows_what_it_promises(tmp_path: Path) -> None:
 
         def flown_s() -> float:
             assert fleet.problem is None
-            assert service.pump.faults == 0
+            assert service.ingest.faults == 0
             items = get(service, "/v1/vehicles")["items"]
             return (
                 min([v["last_sample_time_s"] or 0.0 for v in items], default=0.0) if len(items) == 3 else 0.0

@@ -119,9 +119,9 @@ def test_a_fresh_machine_answers_at_once_and_can_be_ended_while_it_compiles(
         return kernels or {"text": "", "parts": []}
 
     until(lambda: any(part["state"] == "compiling" for part in compilation()["parts"]))
-    told = compilation()
-    assert "are being compiled" in told["text"]
-    assert told["remaining_s"] > 0.0
+    progress = compilation()
+    assert "are being compiled" in progress["text"]
+    assert progress["remaining_s"] > 0.0
     ready = httpx.get(f"{running.url}/health/ready", timeout=10.0)
     assert ready.status_code == 503
     assert "are being compiled" in ready.json()["checks"]["estimators"]

@@ -5,7 +5,7 @@ import pytest
 from correlated_inputs import cases, flown
 
 from wingwatch.aircraft import LATERAL
-from wingwatch.estimators.confounding import confounded_sets, told_apart_text
+from wingwatch.estimators.confounding import confounded_sets, confounding_text
 
 SYMBOLS = LATERAL.derivatives
 NATURAL = np.full(15, 2.0)
@@ -40,7 +40,7 @@ def test_a_combination_that_alone_is_known_is_named(prior_ratio: float) -> None:
         "n_xi",
         "n_zeta",
     ]
-    text = told_apart_text(LATERAL, sets)
+    text = confounding_text(LATERAL, sets)
     assert "l_xi and l_zeta cannot be distinguished: aileron and rudder move together" in text
     assert "roll rate, aileron and rudder move together" in text
 

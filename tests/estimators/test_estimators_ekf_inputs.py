@@ -40,11 +40,11 @@ def test_course_of_a_servo_between_samples_that_hold_several_commands(rate_hz: f
     lag, keep = servo_s / step_s, np.exp(-step_s / (frames * servo_s))
     command = np.cumsum(np.random.default_rng(1).standard_normal(frames * steps))
     at, mean, early = np.zeros(frames * steps + 1), np.zeros(steps), np.zeros(steps)
-    for i, told in enumerate(command):
-        at[i + 1] = told + keep * (at[i] - told)
+    for i, commanded in enumerate(command):
+        at[i + 1] = commanded + keep * (at[i] - commanded)
     start = at[::frames][:-1]
     for i in range(frames):
-        told, behind = command[i::frames] - start, (at[:-1] - command)[i::frames]
+        commanded, behind = command[i::frames] - start, (at[:-1] - command)[i::frames]
         first, last = i / frames, (i + 1) / frames
 
         def of_frame(weight: Callable[[float], float], first: float = first, last: float = last) -> Array:
@@ -53,9 +53,9 @@ def test_course_of_a_servo_between_samples_that_hold_several_commands(rate_hz: f
             return np.array([quad(weight, first, last)[0], left])
 
         whole, left = of_frame(lambda t: 1.0)
-        mean += whole * told + left * behind
+        mean += whole * commanded + left * behind
         whole, left = of_frame(lambda t: 0.5 - t)
-        early += whole * told + left * behind
+        early += whole * commanded + left * behind
     change = np.diff(at[::frames])
     regressors = np.column_stack([change[1:], change[:-1]])
     want = np.linalg.lstsq(regressors, np.column_stack([mean[1:], early[1:]]), rcond=None)[0].T.ravel()

@@ -133,7 +133,7 @@ def test_the_score_is_the_gradient_of_the_cost(case: Situation) -> None:
     found = (made.prior.mean - p) / made.prior.std**2
     for m in range(len(made.windows)):
         s = sensitivities(made, point, m)
-        found = found + s.score().sum(axis=1) + s.echo_score
+        found = found + s.score().sum(axis=1) + s.surface_noise_score
     for i in range(p.size):
         h = 10.0 * made.prior.step[i]
         ends = []

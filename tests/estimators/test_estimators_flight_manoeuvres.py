@@ -37,7 +37,7 @@ from wingwatch.estimators import (
     output_error,
     solved_as,
 )
-from wingwatch.estimators.batch.servo import ahead, lead_steps, moved, moves_as_told
+from wingwatch.estimators.batch.servo import ahead, follows_command, lead_steps, moved
 from wingwatch.simulation import FleetSimulation, Scenario, doublet_schedule
 from wingwatch.telemetry import CHANNEL_INDEX, REQUIRED_CHANNELS, SampleBlock, complete
 
@@ -225,12 +225,12 @@ def test_a_servo_is_believed_only_where_commands_are_held_from_the_samples_on() 
     time_s: Array = np.linspace(0.0, 999 * dt, 1000)
     command = np.repeat(rng.uniform(-0.03, 0.03, 100), 10)
     noise = 0.0009 * rng.standard_normal(1000)
-    assert moves_as_told(servo(command, dt) + noise, command, time_s, SERVO_RAD_S)
-    assert not moves_as_told(servo(command, dt, 0.5) + noise, command, time_s, SERVO_RAD_S)
-    assert not moves_as_told(servo(np.roll(command, -1), dt) + noise, command, time_s, SERVO_RAD_S)
-    assert not moves_as_told(noise, np.zeros(1000), time_s, SERVO_RAD_S)
-    assert not moves_as_told(np.full(1000, np.nan), command, time_s, SERVO_RAD_S)
-    assert not moves_as_told(command[:5], command[:5], time_s[:5], SERVO_RAD_S)
+    assert follows_command(servo(command, dt) + noise, command, time_s, SERVO_RAD_S)
+    assert not follows_command(servo(command, dt, 0.5) + noise, command, time_s, SERVO_RAD_S)
+    assert not follows_command(servo(np.roll(command, -1), dt) + noise, command, time_s, SERVO_RAD_S)
+    assert not follows_command(noise, np.zeros(1000), time_s, SERVO_RAD_S)
+    assert not follows_command(np.full(1000, np.nan), command, time_s, SERVO_RAD_S)
+    assert not follows_command(command[:5], command[:5], time_s[:5], SERVO_RAD_S)
 
 
 def test_a_surface_known_by_command_is_where_its_servo_has_it() -> None:
@@ -242,7 +242,7 @@ def test_a_surface_known_by_command_is_where_its_servo_has_it() -> None:
     time_s[50:] += 1.0
     after = moved(command, time_s, SERVO_RAD_S, 0.5)
     assert after[49] != command[49]
-    assert after[50] == command[50], "after a gap it is where it is told to be"
+    assert after[50] == command[50], "after a gap it is at its command"
     command[100], command[101] = np.nan, 0.01
     after = moved(command, time_s, SERVO_RAD_S, 0.5)
     assert np.isnan(after[100])
@@ -253,15 +253,15 @@ def test_commands_whose_servo_is_known_say_what_positions_say(clean: SampleBlock
     values = clean.values.copy()
     for surface in ("elevator", "aileron", "rudder"):
         values[:, CHANNEL_INDEX[f"{surface}_rad"]] = clean.column(f"{surface}_command_rad")
-    told = replace(form_of(), commanded=frozenset(("eta", "xi", "zeta")))
+    commanded_form = replace(form_of(), commanded=frozenset(("eta", "xi", "zeta")))
     roll = [LATERAL.derivatives.index(symbol) for symbol in ("l_p", "l_xi")]
     found = []
-    for form, block in ((form_of(), clean), (told, SampleBlock(values))):
+    for form, block in ((form_of(), clean), (commanded_form, SampleBlock(values))):
         estimate, _ = output_error(flight_manoeuvres(LATERAL, form, [block]))
         found.append(estimate.value[roll])
     np.testing.assert_allclose(found[1], found[0], rtol=0.01)
-    untold = replace(told, servo_rad_s={})
-    estimate, _ = output_error(flight_manoeuvres(LATERAL, untold, [SampleBlock(values)]))
+    without_servo = replace(commanded_form, servo_rad_s={})
+    estimate, _ = output_error(flight_manoeuvres(LATERAL, without_servo, [SampleBlock(values)]))
     assert (np.abs(estimate.value[roll] / found[0] - 1.0) > 0.2).all(), "as if the surfaces leapt"
 
 
@@ -299,14 +299,14 @@ def test_the_lead_lies_between_a_line_and_a_step() -> None:
 
 
 def test_commands_between_samples_are_expected_to_go_evenly() -> None:
-    """A servo told at random at 50 Hz, read at 25 Hz: where it is on average, not late by half a sample."""
-    rng, told = np.random.default_rng(3), np.zeros(4001)
-    told[1:] = np.cumsum(rng.standard_normal(4000))
+    """A servo commanded at random at 50 Hz, read at 25 Hz: where it is on average, not late by half a sample."""
+    rng, commanded_form = np.random.default_rng(3), np.zeros(4001)
+    commanded_form[1:] = np.cumsum(rng.standard_normal(4000))
     truth, stays = np.zeros(4001), np.exp(-SERVO_RAD_S * 0.02)
     for k in range(4000):
-        truth[k + 1] = told[k] + stays * (truth[k] - told[k])
+        truth[k + 1] = commanded_form[k] + stays * (truth[k] - commanded_form[k])
     time_s = 0.04 * np.arange(2001, dtype=np.float64)
-    off = moved(told[::2], time_s, SERVO_RAD_S, 0.5) - truth[::2]
+    off = moved(commanded_form[::2], time_s, SERVO_RAD_S, 0.5) - truth[::2]
     rate = np.gradient(truth[::2], time_s)
     late_s = -(off @ rate) / (rate @ rate)
     assert abs(late_s) < 1e-3, "each command held until the next that is known would be late by 16 ms"

@@ -103,8 +103,8 @@ def test_manoeuvres_of_every_structure_know_it(
     want = spin_up_of(flight)[:, axis]
     parts = flight_manoeuvres(structure, form_of(INERTIA), [flight])
     np.testing.assert_allclose(np.concatenate([m.rest[:, row] for m in parts]), want, atol=1e-12)
-    for untold in flight_manoeuvres(structure, form_of(None), [flight]):
-        assert (untold.rest[:, row] == 0.0).all()
+    for manoeuvre in flight_manoeuvres(structure, form_of(None), [flight]):
+        assert (manoeuvre.rest[:, row] == 0.0).all()
 
 
 @pytest.mark.parametrize("name", SOLVE)

@@ -13,16 +13,16 @@ Array = NDArray[np.float64]
 
 
 def flown(commands: Array, frames: int) -> tuple[Array, Array, Array, Array]:
-    """A servo told ``commands``, one a frame, read every so many ``frames``.
+    """A servo with ``commands``, one a frame, read every so many ``frames``.
 
     Returns:
         of every step readings at both ends (steps + 1,), how far the command is ahead of them, and the two means.
     """
     t = (np.arange(FINE) + 0.5) / FINE / FRAME_HZ
     at, surface = np.zeros(commands.size + 1), np.empty((commands.size, FINE))
-    for k, told in enumerate(commands):
-        surface[k] = told + (at[k] - told) * np.exp(-t / SERVO_S)
-        at[k + 1] = told + (at[k] - told) * np.exp(-1.0 / (FRAME_HZ * SERVO_S))
+    for k, commanded in enumerate(commands):
+        surface[k] = commanded + (at[k] - commanded) * np.exp(-t / SERVO_S)
+        at[k + 1] = commanded + (at[k] - commanded) * np.exp(-1.0 / (FRAME_HZ * SERVO_S))
     readings = at[:-1:frames]
     ahead = commands[::frames] - readings
     off = surface.reshape(-1, frames * FINE)[: readings.size] - readings[:, None]
@@ -86,8 +86,8 @@ def test_a_surface_that_stays_where_it_is_does_not_move_with_its_command() -> No
 
 
 def test_a_surface_whose_servo_is_not_known_goes_evenly() -> None:
-    told = surface_means(0.05, np.inf, 0.0, 0.01, 0.02, 0.03, 0.01)
-    assert told == pytest.approx((0.01, -0.02 / 12.0, 0.5, 0.0))
+    commanded = surface_means(0.05, np.inf, 0.0, 0.01, 0.02, 0.03, 0.01)
+    assert commanded == pytest.approx((0.01, -0.02 / 12.0, 0.5, 0.0))
 
 
 def test_noise_of_a_reading_is_no_command() -> None:

@@ -78,8 +78,8 @@ def test_what_is_not_measured_is_that_of_steady_flight() -> None:
 def test_a_row_says_how_far_a_command_is_ahead_of_its_surface() -> None:
     """Of a measured one; what is known by its command alone has no reading that could say when it moved."""
     ahead = SignalConfig(LATERAL).layout.ahead
-    told = rows(LATERAL, block(aileron_command_rad=0.05))
-    np.testing.assert_allclose(told[0, ahead:], np.array([0.03, 0.0]), rtol=1e-12)
+    found = rows(LATERAL, block(aileron_command_rad=0.05))
+    np.testing.assert_allclose(found[0, ahead:], np.array([0.03, 0.0]), rtol=1e-12)
     np.testing.assert_array_equal(rows(LATERAL, block(aileron_command_rad=math.nan))[0, ahead:], 0.0)
     alone = rows(LATERAL, block(50, aileron_rad=0.05, aileron_command_rad=0.05), servo_s=(0.02, 0.0))
     np.testing.assert_array_equal(alone[:, ahead:], 0.0)
@@ -119,7 +119,7 @@ def test_density_from_altitude_and_temperature() -> None:
 
 
 def test_a_command_becomes_the_surface_that_its_servo_moves() -> None:
-    """From the first command on, towards the one before at any step and over a missing one; after a gap as told."""
+    """From the first command on, towards the one before at any step, over a missing one; after a gap as commanded."""
     time_s = np.array([0.0, 0.02, 0.05, 0.06, 0.08, 0.08 + 2.0 * MAX_GAP_S])
     command = np.array([0.1, 0.3, np.nan, -0.2, -0.2, 0.5])
     samples = block(time_s.size)
@@ -127,7 +127,7 @@ def test_a_command_becomes_the_surface_that_its_servo_moves() -> None:
     samples.values[:, CHANNEL_INDEX["elevator_rad"]] = command
     column = SignalConfig(SHORT_PERIOD).layout.first_input
     surface = rows(SHORT_PERIOD, samples, servo_s=(0.02,))[:, column]
-    at_third = 0.3 + (0.1 - 0.3) * math.exp(-0.04 / 0.02)  # told 0.3 from 0.02 s to 0.06 s
+    at_third = 0.3 + (0.1 - 0.3) * math.exp(-0.04 / 0.02)  # commanded 0.3 from 0.02 s to 0.06 s
     last = -0.2 + (at_third + 0.2) * math.exp(-1.0)
     np.testing.assert_allclose(surface, [0.1, 0.1, math.nan, at_third, last, 0.5], rtol=1e-12)
     np.testing.assert_array_equal(rows(SHORT_PERIOD, samples)[:, column], command)

@@ -158,12 +158,12 @@ def test_the_bound_is_that_of_a_dense_fisher_information(structure: ModeStructur
     size = np.linalg.norm(white, axis=0)
     wanted = np.linalg.inv((white / size).T @ (white / size)) / np.outer(size, size)
     k = plant.derivatives.size
-    told = promise(plant, u, RATE_HZ)
+    predicted = promise(plant, u, RATE_HZ)
     # central differences: step^2 / 6 of the curvature, 1e-10, and rounding 1e-16 / 1e-5, times the condition number
-    np.testing.assert_allclose(told.standard_error, np.sqrt(np.diagonal(wanted)[:k]), rtol=1e-5)
+    np.testing.assert_allclose(predicted.standard_error, np.sqrt(np.diagonal(wanted)[:k]), rtol=1e-5)
     errors = np.sqrt(np.diagonal(wanted)[:k])
     np.testing.assert_allclose(
-        told.covariance, wanted[:k, :k], atol=1e-5 * float(np.outer(errors, errors).max())
+        predicted.covariance, wanted[:k, :k], atol=1e-5 * float(np.outer(errors, errors).max())
     )
 
 
@@ -176,7 +176,7 @@ def test_fits_to_noisy_records_scatter_as_promised(kind: str) -> None:
     constants = np.array([0.3, 0.2])
     rest = -np.linalg.solve(plant.derivatives.reshape(2, 3)[:, :2], constants)
     truth = np.concatenate([plant.derivatives, constants, [0.1], rest])
-    told = promise(plant, u, RATE_HZ).standard_error
+    predicted = promise(plant, u, RATE_HZ).standard_error
     root = noise_root(plant, u)
     clean = measured(plant, u)(truth)
     jacobian = solve_triangular(root, slopes(measured(plant, u), truth), lower=True)
@@ -190,7 +190,7 @@ def test_fits_to_noisy_records_scatter_as_promised(kind: str) -> None:
         for _ in range(2):  # the second step is a hundredth of the first
             guess += pseudo @ solve_triangular(root, noisy - model(guess), lower=True)
         errors.append(guess[:6] - plant.derivatives)
-    ratio = np.sqrt(np.mean(np.square(errors), axis=0)) / told
+    ratio = np.sqrt(np.mean(np.square(errors), axis=0)) / predicted
     low, high = np.sqrt(chi2.ppf([1e-5, 1.0 - 1e-5], seeds) / seeds)
     assert (ratio > low).all(), ratio
     assert (ratio < high).all(), ratio
@@ -281,8 +281,8 @@ def test_the_vanes_noise_is_a_velocitys() -> None:
 
 def notes(structure: ModeStructure, kind: str, degrees: float) -> str:
     plant, design = made(structure, kind, degrees=degrees)
-    told = promise(plant, design.inputs_rad, RATE_HZ)
-    return "\n".join(input_notes(AEROSONDE, design, [told], trim(AEROSONDE, LEVEL).elevator_rad))
+    predicted = promise(plant, design.inputs_rad, RATE_HZ)
+    return "\n".join(input_notes(AEROSONDE, design, [predicted], trim(AEROSONDE, LEVEL).elevator_rad))
 
 
 def test_notes_name_the_limits_that_are_passed() -> None:

@@ -38,7 +38,7 @@ from wingwatch.telemetry import (
 
 AEROSONDE = load_aircraft("aerosonde")
 TWIN = AEROSONDE.model_copy(update={"name": "twin"})
-HANGAR = {"aerosonde": AEROSONDE, "twin": TWIN}
+AIRCRAFT_FILES = {"aerosonde": AEROSONDE, "twin": TWIN}
 PIECE = 50
 """Samples a message: one second."""
 
@@ -50,9 +50,9 @@ OLD_ALERT = AlertView(
 
 
 def find(name: str) -> Aircraft:
-    if name not in HANGAR:
-        raise ValueError(f"aircraft {name} is not known; known are {', '.join(HANGAR)}")
-    return HANGAR[name]
+    if name not in AIRCRAFT_FILES:
+        raise ValueError(f"aircraft {name} is not known; known are {', '.join(AIRCRAFT_FILES)}")
+    return AIRCRAFT_FILES[name]
 
 
 @dataclass

@@ -34,8 +34,8 @@ def bits(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return value.tobytes()
     if isinstance(value, ModeSolution):
-        told = (value.fourier, value.ekf, value.block, value.gained, value.rough, value.says_something)
-        return tuple(map(bits, told))
+        reported = (value.fourier, value.ekf, value.block, value.gained, value.rough, value.says_something)
+        return tuple(map(bits, reported))
     if hasattr(value, "__dataclass_fields__") and not isinstance(value, type):
         return tuple(bits(getattr(value, name)) for name in value.__dataclass_fields__ if name != "structure")
     if isinstance(value, dict):

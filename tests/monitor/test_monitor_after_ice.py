@@ -58,7 +58,7 @@ def test_ice_in_rough_air_is_called_ice(seed: int) -> None:
     assert alerts
     assert {alert.cause for alert in alerts if alert.channel is None} == {"icing"}
     drag = {alert.cause for alert in alerts if alert.channel is not None}
-    assert drag <= {"unknown"}, "that drag has grown is told before what has"
+    assert drag <= {"unknown"}, "drag has grown, and the cause is not yet named"
     named = [a for a in alerts if a.channel is None]
     assert abs(next(a for a in named if a.evidence).size - SEVERITY) < 0.05, "as derivatives confirm it"
     assert all(abs(a.size - SEVERITY) < 3.0 * a.size_standard_error for a in named)

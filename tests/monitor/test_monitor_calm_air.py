@@ -7,10 +7,10 @@ from wingwatch.aircraft import LATERAL, SHORT_PERIOD
 from wingwatch.monitor.estimation.calm_air import CALM_S, KNOWN, follow_calm, is_calm, surface_moved
 
 
-def followed(*told: tuple[float, bool, bool]) -> bool:
+def followed(*seconds: tuple[float, bool, bool]) -> bool:
     """Whether air is calm after (time, gusts felt by the accelerometer, motion put down to gusts by the filter)."""
     calm_s, time_s = np.array([np.nan]), np.array([0.0])
-    for at_s, gusty, turned in told:
+    for at_s, gusty, turned in seconds:
         time_s = np.array([at_s])
         calm_s = follow_calm(calm_s, time_s, np.array([gusty]), np.array([turned]))
     return bool(is_calm(calm_s, time_s)[0])

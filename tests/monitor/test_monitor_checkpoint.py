@@ -82,11 +82,11 @@ class Case:
     def whole(self) -> tuple[list[Any], bytes, Any]:
         """Of the flight without an interruption: reports, the state in the end, and what is shown then."""
         monitor = self.monitor()
-        reports = [told(monitor.feed(piece)) for piece in pieces(self.flight, SAMPLES)]
+        reports = [content(monitor.feed(piece)) for piece in pieces(self.flight, SAMPLES)]
         return reports, state_bytes(monitor), bits((monitor.derivatives(), monitor.view()))
 
 
-def told(report: Report) -> Any:
+def content(report: Report) -> Any:
     """What a report says, but for the manoeuvres: their verdicts are of one run (decision 99)."""
     return bits(replace(report, manoeuvres=[]))
 
@@ -98,7 +98,7 @@ def without(flight: SampleBlock, columns: Sequence[int], to_s: float = np.inf) -
 
 
 def torn(flight: SampleBlock) -> SampleBlock:
-    """With readings missing, a gap, stray stamps, and a clock that is set back for good."""
+    """With readings missing, a gap, single wrong time stamps, and a clock that is set back for good."""
     values = flight.values.copy()
     values[200:230, CHANNEL_INDEX["pitch_rate_rad_s"]] = np.nan
     values[900:960, 0] = np.nan
@@ -174,7 +174,7 @@ def test_a_flight_that_was_saved_and_restored_is_the_uninterrupted_one(
     for k, piece in enumerate(parts):
         if k in cuts:
             monitor = restored(case, as_bytes(monitor, case.flight.present))
-        assert told(monitor.feed(piece)) == expected[k], f"message {k}, cuts at {sorted(cuts)}"
+        assert content(monitor.feed(piece)) == expected[k], f"message {k}, cuts at {sorted(cuts)}"
     assert state_bytes(monitor) == last
     assert bits((monitor.derivatives(), monitor.view())) == shown
     if name == "an elevator that loses effect":
@@ -202,7 +202,7 @@ def test_vehicles_that_fly_together_are_restored_into_one_batch(cases: dict[str,
         reports = feed_together([monitors[i] for i in there], [lists[i][k] for i in there])
         for i, report in zip(there, reports, strict=True):
             assert isinstance(report, Report)
-            assert told(report) == expected[i][0][k], f"vehicle {i}, message {k}"
+            assert content(report) == expected[i][0][k], f"vehicle {i}, message {k}"
     for i, monitor in enumerate(monitors):
         assert state_bytes(monitor) == expected[i][1]
 
@@ -211,7 +211,7 @@ def go_on(data: bytes, flight: SampleBlock, first: int) -> tuple[str, bytes]:
     """In another process: the rest of the flight, and the state at its end."""
     case = Case(flight)
     monitor = restored(case, data)
-    reports = [told(monitor.feed(piece)) for piece in list(pieces(flight, SAMPLES))[first:]]
+    reports = [content(monitor.feed(piece)) for piece in list(pieces(flight, SAMPLES))[first:]]
     return repr(reports), state_bytes(monitor)
 
 

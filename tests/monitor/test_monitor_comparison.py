@@ -48,40 +48,40 @@ def test_change_equals_the_formula_with_inverses(seed: int) -> None:
     mean, covariance, information = rng.normal(size=4), _spd(rng, 4), _spd(rng, 4)
     vector, extra = rng.normal(size=4), 0.1 * _spd(rng, 4)
     found = change_since(mean, covariance, information, vector, extra, np.ones(4))
-    weight = np.linalg.inv(np.linalg.inv(information) + covariance + extra)
+    precision = np.linalg.inv(np.linalg.inv(information) + covariance + extra)
     difference = np.linalg.solve(information, vector) - mean
-    np.testing.assert_allclose(found.weight, weight, rtol=1e-7, atol=1e-9)
-    np.testing.assert_allclose(found.pull, weight @ difference, rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(found.precision, precision, rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose(found.score, precision @ difference, rtol=1e-6, atol=1e-8)
 
 
 def test_a_block_that_saw_nothing_says_nothing() -> None:
     nothing = np.zeros((3, 3))
     found = change_since(np.ones(3), np.eye(3), nothing, np.zeros(3), np.eye(3), np.ones(3))
-    assert np.all(found.weight == 0.0)
-    assert np.all(found.pull == 0.0)
+    assert np.all(found.precision == 0.0)
+    assert np.all(found.score == 0.0)
     assert log_bayes_any(found, np.ones(3)) == 0.0
     exact = along(found, np.ones((1, 3)), np.zeros((1, 3)))
-    factor, size, _ = log_bayes_direction(exact.pull, exact.weight, 0.3)
+    factor, size, _ = log_bayes_direction(exact.score, exact.precision, 0.3)
     assert factor == pytest.approx(0.0, abs=1e-12)
     assert size == 0.0
 
 
-@given(pull=st.floats(-30.0, 30.0), weight=st.floats(0.01, 500.0), std=st.floats(0.05, 1.0))
+@given(score=st.floats(-30.0, 30.0), precision=st.floats(0.01, 500.0), std=st.floats(0.05, 1.0))
 def test_directed_factor_is_the_integral_over_the_half_normal_prior(
-    pull: float, weight: float, std: float
+    score: float, precision: float, std: float
 ) -> None:
     # a normal density times a constant: taken out of the exponent at its peak, integrated piecewise around it
-    width = (weight + std**-2) ** -0.5
-    peak = max(pull * width**2, 0.0)
-    highest = peak * pull - 0.5 * (peak / width) ** 2
+    width = (precision + std**-2) ** -0.5
+    peak = max(score * width**2, 0.0)
+    highest = peak * score - 0.5 * (peak / width) ** 2
 
     def integrand(size: float) -> float:
-        return float(np.exp(size * pull - 0.5 * (size / width) ** 2 - highest))
+        return float(np.exp(size * score - 0.5 * (size / width) ** 2 - highest))
 
     edges = np.unique(np.maximum(peak + width * np.arange(-9.0, 10.0, 1.5), 0.0))
     integral = sum(quad(integrand, a, b)[0] for a, b in pairwise(edges.tolist()))
     expected = highest + np.log(integral) + np.log(2.0 / (std * np.sqrt(2.0 * np.pi)))
-    assert log_bayes_direction(pull, weight, std)[0] == pytest.approx(expected, rel=1e-7, abs=1e-7)
+    assert log_bayes_direction(score, precision, std)[0] == pytest.approx(expected, rel=1e-7, abs=1e-7)
 
 
 @given(seed=st.integers(0, 10_000))
@@ -89,8 +89,8 @@ def test_undirected_factor_is_a_ratio_of_normal_densities(seed: int) -> None:
     rng = np.random.default_rng(seed)
     change = _change(rng)
     spread = rng.uniform(0.1, 2.0, size=4)
-    covariance = np.linalg.inv(change.weight)
-    difference = covariance @ change.pull
+    covariance = np.linalg.inv(change.precision)
+    difference = covariance @ change.score
     changed = multivariate_normal(np.zeros(4), covariance + np.diag(spread**2)).logpdf(difference)
     same = multivariate_normal(np.zeros(4), covariance).logpdf(difference)
     assert log_bayes_any(change, spread) == pytest.approx(changed - same, rel=1e-6, abs=1e-8)
@@ -98,10 +98,10 @@ def test_undirected_factor_is_a_ratio_of_normal_densities(seed: int) -> None:
 
 def test_a_bayes_factor_has_expectation_one_when_nothing_changed() -> None:
     rng = np.random.default_rng(5)
-    n, weight, std = 200_000, 4.0, 0.5
-    pulls = rng.normal(size=n) * np.sqrt(weight)
-    factors = np.array([np.exp(log_bayes_direction(float(p), weight, std)[0]) for p in pulls[:20_000]])
-    # the factor's own variance under the null is finite here: weight * std^2 = 1 < 3
+    n, precision, std = 200_000, 4.0, 0.5
+    scores = rng.normal(size=n) * np.sqrt(precision)
+    factors = np.array([np.exp(log_bayes_direction(float(p), precision, std)[0]) for p in scores[:20_000]])
+    # the factor's own variance under the null is finite here: precision * std^2 = 1 < 3
     assert abs(factors.mean() - 1.0) < 4.0 * factors.std() / np.sqrt(factors.size)
 
 
@@ -115,12 +115,12 @@ def test_a_spread_of_the_derivatives_adds_variance_to_what_is_seen_along_a_direc
     spread[1] = 0.0
     found = along(both, directions, spread)
     for m, change in enumerate((first, second)):
-        covariance = np.linalg.inv(change.weight)
+        covariance = np.linalg.inv(change.precision)
         for n, (a, s) in enumerate(zip(directions[:, m], spread[:, m], strict=True)):
-            weight = np.linalg.inv(covariance + np.diag(s**2))
-            assert found.weight[n, m] == pytest.approx(a @ weight @ a, rel=1e-6)
-            assert found.pull[n, m] == pytest.approx(
-                a @ weight @ covariance @ change.pull, rel=1e-6, abs=1e-8
+            precision = np.linalg.inv(covariance + np.diag(s**2))
+            assert found.precision[n, m] == pytest.approx(a @ precision @ a, rel=1e-6)
+            assert found.score[n, m] == pytest.approx(
+                a @ precision @ covariance @ change.score, rel=1e-6, abs=1e-8
             )
             assert found.log_factor[n, m] == pytest.approx(log_bayes_any(change, s), rel=1e-9, abs=1e-12)
 

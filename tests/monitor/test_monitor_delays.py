@@ -31,14 +31,14 @@ def short_period(aircraft: Aircraft, block: SampleBlock, piece: int) -> ModeSolu
 def test_stated_delays_bias_nothing_and_cuts_change_nothing() -> None:
     schedule = doublet_schedule(load_aircraft("aerosonde"), CRUISE, period_s=10.0)
     flown = simulate(Scenario(late(DELAYS), manoeuvres=(schedule,), seed=11), 60.0)
-    told, untold = short_period(late(DELAYS), flown, 10), short_period(late({}), flown, 10)
+    stated, unstated = short_period(late(DELAYS), flown, 10), short_period(late({}), flown, 10)
     whole = short_period(late(DELAYS), flown, len(flown))
-    np.testing.assert_array_equal(told.ekf.value, whole.ekf.value)
-    np.testing.assert_array_equal(told.fourier.value, whole.fourier.value)
+    np.testing.assert_array_equal(stated.ekf.value, whole.ekf.value)
+    np.testing.assert_array_equal(stated.fourier.value, whole.fourier.value)
     truth = linearised_derivatives(
         load_aircraft("aerosonde"), trimmed(load_aircraft("aerosonde"), CRUISE), SHORT_PERIOD
     )
-    for estimate, without in ((told.fourier, untold.fourier), (told.ekf, untold.ekf)):
+    for estimate, without in ((stated.fourier, unstated.fourier), (stated.ekf, unstated.ekf)):
         misses = []
         for value in (estimate.value, without.value):
             of = dict(zip(SHORT_PERIOD.derivatives, value.tolist(), strict=True))

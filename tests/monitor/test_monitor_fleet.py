@@ -242,7 +242,7 @@ def test_a_failing_store_is_counted_and_watching_goes_on(damaged: SampleBlock) -
         hall.fly(damaged, 0, 110)
     assert broken.derivatives() == sound.derivatives()
     assert broken.view().state is sound.view().state is VehicleState.DEGRADED
-    assert broken.fleet.alerts() == []  # what is not stored is not told
+    assert broken.fleet.alerts() == []  # what is not stored is not announced
     # references and envelopes once, then history every second and the alert
     assert broken.fleet.problems["store"] > 100
     said = [e.data["text"] for e in broken.fleet.events(0) if e.kind == "problem"]
@@ -454,7 +454,7 @@ def test_what_the_monitor_finds_while_an_action_is_committed_is_not_lost(damaged
     found = replace(before, level="critical", size=before.size + 1.0)
 
     def meanwhile() -> None:
-        assert hall.fleet.alerts() == [before]  # nothing is told before it is committed
+        assert hall.fleet.alerts() == [before]  # nothing is announced before it is committed
         hall.fleet._alerts.keep(found)
 
     hall.store.meanwhile = meanwhile

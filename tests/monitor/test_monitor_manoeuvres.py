@@ -1,4 +1,4 @@
-"""Live, each manoeuvre of a vehicle is judged within two seconds of its end, kept and told; no restart keeps it."""
+"""Each manoeuvre of a live vehicle is judged within two seconds of its end, kept and announced; no restart keeps it."""
 
 from fleet_hall import AEROSONDE, FakeCheckpoints, Hall, fly_doublets
 
@@ -26,10 +26,10 @@ def test_manoeuvres_are_judged_kept_and_told() -> None:
     assert newest_first is not None
     assert len(newest_first) >= 3
     assert [one.number for one in newest_first] == list(range(len(newest_first), 0, -1))
-    told = of_manoeuvres(hall)
-    assert [event.data["number"] for event in told] == [one.number for one in reversed(newest_first)]
+    announced = of_manoeuvres(hall)
+    assert [event.data["number"] for event in announced] == [one.number for one in reversed(newest_first)]
     first = newest_first[-1]
-    assert told[0].data == {
+    assert announced[0].data == {
         "fleet": "default", "vehicle": "uav", "number": 1, "begin_s": first.begin_s, "end_s": first.end_s,
         "good": first.good, "text": first.text,
     }  # fmt: skip

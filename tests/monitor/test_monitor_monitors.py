@@ -37,7 +37,7 @@ def maker() -> MonitorMaker:
     return MonitorMaker(lambda: "1", JudgeConfig())
 
 
-def told(monitors: Sequence[VehicleMonitor], blocks: Sequence[SampleBlock]) -> list[str]:
+def reported(monitors: Sequence[VehicleMonitor], blocks: Sequence[SampleBlock]) -> list[str]:
     """What each monitor says in the end, its flight handed over a piece at a time, by turns."""
     for start in range(0, len(blocks[0]), PIECE):
         for monitor, block in zip(monitors, blocks, strict=True):
@@ -49,9 +49,10 @@ def test_a_vehicle_does_not_depend_on_its_company() -> None:
     blocks = flights()
     given = blocks[0].present
     one = maker()
-    together = told([made(one, f"v{i}", given, VehicleMemory()) for i in range(2)], blocks)
+    together = reported([made(one, f"v{i}", given, VehicleMemory()) for i in range(2)], blocks)
     alone = [
-        told([made(maker(), f"v{i}", given, VehicleMemory())], [block])[0] for i, block in enumerate(blocks)
+        reported([made(maker(), f"v{i}", given, VehicleMemory())], [block])[0]
+        for i, block in enumerate(blocks)
     ]
     assert together == alone
 
@@ -88,6 +89,6 @@ def test_vehicles_of_which_the_same_is_stored_share_estimators_and_those_of_anot
     assert first.chain.supervisor is second.chain.supervisor
     assert len({id(m.chain.supervisor) for m in (first, other, plain)}) == 3
     assert first.chain.envelopes["short_period"].points[0].source == "flown"
-    together = told([first, second], blocks)
-    alone = [told([made(maker(), f"v{i}", present, stored())], [b])[0] for i, b in enumerate(blocks)]
+    together = reported([first, second], blocks)
+    alone = [reported([made(maker(), f"v{i}", present, stored())], [b])[0] for i, b in enumerate(blocks)]
     assert together == alone

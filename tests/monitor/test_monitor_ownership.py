@@ -161,7 +161,7 @@ def test_who_takes_a_name_over_is_asked_what_it_is(flight: SampleBlock) -> None:
 
 @pytest.mark.parametrize("other", [{"aircraft": "twin"}, {"configuration": "flaps"}, {"aircraft": "none"}])
 def test_an_announcement_ends_no_alert(damaged: SampleBlock, alarmed: Hall, other: dict[str, str]) -> None:
-    """Also that of the vehicle's own publisher, and of a forger who is not told from it."""
+    """Also that of the vehicle's own publisher, and of a forger who cannot be distinguished from it."""
     hall = alarmed
     hall.announce(**other, stream=FIRST)
     hall.sample(second(damaged, 129), 129, stream=FIRST)

@@ -6,7 +6,16 @@ from dataclasses import fields, replace
 from typing import Any
 
 import pytest
-from fleet_hall import AEROSONDE, HANGAR, PIECE, FakeCheckpoints, FakeStore, Hall, fly_doublets, second
+from fleet_hall import (
+    AEROSONDE,
+    AIRCRAFT_FILES,
+    PIECE,
+    FakeCheckpoints,
+    FakeStore,
+    Hall,
+    fly_doublets,
+    second,
+)
 
 from wingwatch.monitor import AlertAction, AlertState, AlertView, FleetSettings, VehicleState
 from wingwatch.monitor.fleet.member.known_vehicle import KnownVehicle
@@ -248,7 +257,7 @@ def test_another_aircraft_file_refuses_the_checkpoint_and_keeps_the_alert(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     heavier = AEROSONDE.model_copy(update={"mass": AEROSONDE.mass.model_copy(update={"mass_kg": 14.0})})  # type: ignore[union-attr]
-    monkeypatch.setitem(HANGAR, "aerosonde", heavier)
+    monkeypatch.setitem(AIRCRAFT_FILES, "aerosonde", heavier)
     hall = Hall(store=store, checkpoints=checkpoints)
     assert hall.fleet.vehicles() == []
     assert checkpoints.counts == {"refused": 1}
@@ -259,7 +268,7 @@ def test_another_aircraft_file_refuses_the_checkpoint_and_keeps_the_alert(
     hall.announce()
     flown(hall, flight, KILLED_S, KILLED_S + 5)
     assert hall.view().active_alerts == (killed[1][0].id,)
-    monkeypatch.setattr("fleet_hall.HANGAR", {})
+    monkeypatch.setattr("fleet_hall.AIRCRAFT_FILES", {})
     Hall(checkpoints=checkpoints)
     assert "is not known" in checkpoints.said[-1]
 
@@ -272,11 +281,11 @@ def test_states_are_saved_every_few_seconds_and_with_news_of_an_alert(flight: Sa
     assert checkpoints.handed_over == [("uav", False)] * 5
     checkpoints.room = False
     flown(hall, flight, 21, KILLED_S)
-    told = sum(alert_event.kind == "alert" for alert_event in hall.fleet.events(0))
-    assert checkpoints.handed_over[5:] == [("uav", True)] * told
+    announced = sum(alert_event.kind == "alert" for alert_event in hall.fleet.events(0))
+    assert checkpoints.handed_over[5:] == [("uav", True)] * announced
     alert = hall.fleet.alerts()[0]
     hall.fleet.act_on_alert(alert.id, AlertAction.ACKNOWLEDGE, "me", "")
-    assert checkpoints.handed_over[5:] == [("uav", True)] * (told + 1)
+    assert checkpoints.handed_over[5:] == [("uav", True)] * (announced + 1)
     flown(hall, flight, KILLED_S, KILLED_S + 1)
     assert [saved.vehicle for saved in hall.fleet.unsaved()] == ["uav"]
     assert list(hall.fleet.unsaved()) == []

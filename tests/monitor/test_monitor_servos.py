@@ -33,14 +33,14 @@ def test_commands_go_through_the_servo_that_the_file_states() -> None:
     for surface in SURFACES:
         command = flown.values[:, CHANNEL_INDEX[f"{surface}_command_rad"]]
         flown.values[:, CHANNEL_INDEX[f"{surface}_rad"]] = command
-    told, whole = lateral(known, flown, 10), lateral(known, flown, len(flown))
-    untold = lateral(known.model_copy(update={"actuators": Actuators()}), flown, 10)
-    np.testing.assert_array_equal(told.ekf.value, whole.ekf.value)
-    np.testing.assert_array_equal(told.fourier.value, whole.fourier.value)
+    stated, whole = lateral(known, flown, 10), lateral(known, flown, len(flown))
+    unstated = lateral(known.model_copy(update={"actuators": Actuators()}), flown, 10)
+    np.testing.assert_array_equal(stated.ekf.value, whole.ekf.value)
+    np.testing.assert_array_equal(stated.fourier.value, whole.fourier.value)
     table = linearised_derivatives(known, trimmed(known, CRUISE), LATERAL)
     roll = [LATERAL.derivatives.index(symbol) for symbol in ("l_p", "l_xi")]
     truth = np.array([table[d] for d in LATERAL.derivatives])[roll]
-    for estimate, without in ((told.fourier, untold.fourier), (told.ekf, untold.ekf)):
+    for estimate, without in ((stated.fourier, unstated.fourier), (stated.ekf, unstated.ekf)):
         misses = np.abs(estimate.value[roll] / truth - 1.0), np.abs(without.value[roll] / truth - 1.0)
         assert misses[0].max() < 0.1, misses
         assert misses[1].min() > 0.2, misses

@@ -78,7 +78,7 @@ def in_company(flights: Sequence[SampleBlock]) -> list[list[Any]]:
         ):
             reports[i].append(report)
         turn += 1
-    return [said(monitor, told) for monitor, told in zip(monitors, reports, strict=True)]
+    return [said(monitor, reported) for monitor, reported in zip(monitors, reports, strict=True)]
 
 
 def test_what_a_vehicle_says_does_not_depend_on_its_company_to_the_bit(flights: list[SampleBlock]) -> None:

@@ -1,4 +1,4 @@
-"""Aircraft without vanes: the filter's derivatives are compared in calm air, rough air takes their standing."""
+"""Aircraft without vanes: the filter's derivatives are compared in calm air, rough air takes their validity."""
 
 from itertools import count
 

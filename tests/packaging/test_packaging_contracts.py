@@ -32,8 +32,8 @@ def broken(output: str) -> set[str]:
 
 def complaints(output: str) -> dict[str, str]:
     """What a run says of each contract that it reports as broken."""
-    _, _, told = output.partition("Broken contracts")
-    found = re.split(r"^(.+)\n-+$", told, flags=re.MULTILINE)
+    _, _, broken = output.partition("Broken contracts")
+    found = re.split(r"^(.+)\n-+$", broken, flags=re.MULTILINE)
     return dict(zip(found[1::2], found[2::2], strict=True))
 
 

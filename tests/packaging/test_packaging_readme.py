@@ -48,11 +48,26 @@ def test_a_figure_of_the_readme_was_printed(figure: str, output: str) -> None:
     assert numbers(figure) - printed(output) == set()
 
 
-@pytest.mark.parametrize("page", ["limits.md", "real_flight.md"])
-def test_tables_that_name_their_output_were_printed(page: str) -> None:
-    text = (ROOT / "docs" / page).read_text()
-    tables = re.findall(r"^<!-- results: (\S+) -->\n((?:\|.*\n)+)", text, re.MULTILINE)
-    assert tables
-    for output, table in tables:
-        rows = table.splitlines()[2:]
-        assert {row: numbers(row) - printed(output) for row in rows if numbers(row) - printed(output)} == {}
+MARKED = re.compile(r"^( *)<!-- results: (\S+) -->\n\1(?!\n)((?:.+\n)+)", re.MULTILINE)
+"""A table or a paragraph with the stored output that its numbers are from; benchmarks.md has a test of its own."""
+
+PAGES = sorted(
+    (str(page.relative_to(ROOT / "docs")), output, text)
+    for page in (ROOT / "docs").rglob("*.md")
+    if page.name != "benchmarks.md"
+    for _, output, text in MARKED.findall(page.read_text())
+)
+
+
+def test_tables_and_paragraphs_name_their_output() -> None:
+    assert {"limits.md", "real_flight.md", "simulation.md", "library_study.md"} <= {
+        page for page, *_ in PAGES
+    }
+    assert any(not text.startswith("|") for *_, text in PAGES)
+
+
+@pytest.mark.parametrize(("page", "output", "text"), PAGES, ids=[f"{p}-{o}" for p, o, _ in PAGES])
+def test_numbers_of_a_marked_table_or_paragraph_were_printed(page: str, output: str, text: str) -> None:
+    rows = text.splitlines()[2:] if text.startswith("|") else [text]
+    assert any(numbers(row) for row in rows), page
+    assert {row: numbers(row) - printed(output) for row in rows if numbers(row) - printed(output)} == {}

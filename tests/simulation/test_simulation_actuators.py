@@ -28,7 +28,7 @@ class Surfaces:
         self.setting, self.decay = np.zeros(SETTING_WIDTH), np.zeros(3)
         servo_decay(self.row, HALF_STEP, self.decay)
 
-    def told(self, command: float, steps: int = 1) -> Array:
+    def flown_by(self, command: float, steps: int = 1) -> Array:
         """Elevator at start, middle and end of each step, shape (3 steps,)."""
         out = []
         for _ in range(steps):
@@ -54,8 +54,8 @@ def test_an_ideal_servo_is_where_it_is_told() -> None:
     assert actuator_position(0.1, 0.3, math.inf, math.inf, 0.0) == 0.3
     assert actuator_position(0.1, 0.5, math.inf, 2.0, 0.01) == pytest.approx(0.12, abs=1e-15)
     ideal = Surfaces(0.1, bandwidth=math.inf, rate_limit=math.inf, limit=0.4)
-    assert ideal.told(0.3).tolist() == [0.3] * 3
-    assert ideal.told(0.5).tolist() == [0.4] * 3
+    assert ideal.flown_by(0.3).tolist() == [0.3] * 3
+    assert ideal.flown_by(0.5).tolist() == [0.4] * 3
 
 
 def test_half_a_step_twice_is_a_step() -> None:
@@ -67,7 +67,7 @@ def test_half_a_step_twice_is_a_step() -> None:
 @pytest.mark.parametrize("command", [0.02, 0.3])
 def test_a_surface_is_its_servo_in_closed_form(command: float) -> None:
     """Within the rate limit and beyond it, at start, middle and end of every step."""
-    flown = Surfaces().told(command, 12)
+    flown = Surfaces().flown_by(command, 12)
     bandwidth, rate_limit = CLEAN[INDEX["elevator_bandwidth"]], CLEAN[INDEX["elevator_rate_limit"]]
     times = [(2 * step + stage) * HALF_STEP for step in range(12) for stage in range(3)]
     wanted = [actuator_position(0.0, command, bandwidth, rate_limit, t) for t in times]
@@ -76,41 +76,41 @@ def test_a_surface_is_its_servo_in_closed_form(command: float) -> None:
 
 def test_the_position_limit_holds_command_and_offset_together() -> None:
     limit = CLEAN[INDEX["elevator_limit"]]
-    assert Surfaces(offset=0.1).told(limit - 0.05, 200)[-1] == pytest.approx(limit, abs=1e-12)
-    assert Surfaces(offset=0.1).told(-0.2, 200)[-1] == pytest.approx(-0.1, abs=1e-12)
+    assert Surfaces(offset=0.1).flown_by(limit - 0.05, 200)[-1] == pytest.approx(limit, abs=1e-12)
+    assert Surfaces(offset=0.1).flown_by(-0.2, 200)[-1] == pytest.approx(-0.1, abs=1e-12)
 
 
 def test_a_servo_does_not_answer_within_its_dead_band() -> None:
     surfaces = Surfaces(dead_band=0.04)
-    assert np.all(surfaces.told(0.0199, 50) == 0.0)
+    assert np.all(surfaces.flown_by(0.0199, 50) == 0.0)
     # beyond it, it goes to where the error is half the dead band
-    assert surfaces.told(0.1, 200)[-1] == pytest.approx(0.08, abs=1e-12)
-    assert np.all(surfaces.told(0.0601, 50) == pytest.approx(0.08, abs=1e-12))
-    assert surfaces.told(0.0, 200)[-1] == pytest.approx(0.02, abs=1e-12)
+    assert surfaces.flown_by(0.1, 200)[-1] == pytest.approx(0.08, abs=1e-12)
+    assert np.all(surfaces.flown_by(0.0601, 50) == pytest.approx(0.08, abs=1e-12))
+    assert surfaces.flown_by(0.0, 200)[-1] == pytest.approx(0.02, abs=1e-12)
 
 
 def test_play_is_a_loop_as_wide_as_it_is_stated() -> None:
     surfaces, play = Surfaces(backlash=0.04), 0.04
-    up = surfaces.told(0.2, 200)[-1]
+    up = surfaces.flown_by(0.2, 200)[-1]
     assert up == pytest.approx(0.2 - 0.5 * play, abs=1e-9)
-    back = surfaces.told(0.2 - 0.99 * play, 200)
+    back = surfaces.flown_by(0.2 - 0.99 * play, 200)
     assert np.all(back == up)  # the servo crosses its play, the surface stands
-    assert surfaces.told(0.2 - 1.5 * play, 200)[-1] == pytest.approx(0.2 - play, abs=1e-9)
+    assert surfaces.flown_by(0.2 - 1.5 * play, 200)[-1] == pytest.approx(0.2 - play, abs=1e-9)
 
 
 def test_a_hardover_runs_at_the_rate_limit_and_stays() -> None:
     place, rate = 0.3, CLEAN[INDEX["elevator_rate_limit"]]
     surfaces = Surfaces(0.05, stuck=1.0, stuck_at=place)
-    flown = surfaces.told(-0.1, 40)
+    flown = surfaces.flown_by(-0.1, 40)
     times = np.array([(2 * step + stage) * HALF_STEP for step in range(40) for stage in range(3)])
     assert flown == pytest.approx(np.minimum(place, 0.05 + rate * times), abs=1e-12)
 
 
 def test_a_surface_stuck_where_it_is_stays_there() -> None:
     surfaces = Surfaces(0.05)
-    here = surfaces.told(0.2, 2)[-1]
+    here = surfaces.flown_by(0.2, 2)[-1]
     surfaces.row[INDEX["elevator_stuck"]], surfaces.row[INDEX["elevator_stuck_at"]] = 1.0, math.nan
-    assert np.all(surfaces.told(-0.3, 50) == here)
+    assert np.all(surfaces.flown_by(-0.3, 50) == here)
 
 
 def test_what_befalls_one_surface_leaves_the_others() -> None:

@@ -10,7 +10,7 @@ from scipy import stats
 from wingwatch.simulation.random_numbers import fill_normals, random_streams, uniform
 
 DEVIATIONS = 4.5
-"""Standard deviations that a statistic may stray: one such test in 150,000 fails by chance, were the seed not fixed."""
+"""Bound of a statistic in standard deviations: one such test in 150,000 fails by chance, were the seed not fixed."""
 
 
 def normals(n: int, seed: int) -> NDArray[np.float64]:

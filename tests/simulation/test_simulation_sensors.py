@@ -30,7 +30,7 @@ AEROSONDE = load_aircraft("aerosonde")
 RATE_HZ = 50.0
 STEP_S = 1.0 / RATE_HZ
 DEVIATIONS = 4.5
-"""Standard deviations that a statistic may stray: one such test in 150,000 fails by chance, were the seed not fixed."""
+"""Bound of a statistic in standard deviations: one such test in 150,000 fails by chance, were the seed not fixed."""
 Q, ALPHA, HEADING, SPEED = "pitch_rate_rad_s", "angle_of_attack_rad", "heading_rad", "airspeed_true_m_s"
 
 

@@ -89,7 +89,7 @@ def test_a_ramp_that_is_not_straight_is_cut_until_it_strays_by_a_thousandth(
     final = line.at(99.0)
     for time_s in TIMES:
         wanted = parameters_under(AEROSONDE, LEVEL, effects, time_s, CLEAN)
-        # a piece is halved while its middle strays by more than 1e-3 of its own change, at most that of the whole ramp
+        # a piece is halved while its middle deviates by more than 1e-3 of its own change, at most of the whole ramp
         assert np.all(np.abs(line.at(time_s) - wanted) <= 1.1e-3 * np.abs(final - CLEAN) + 1e-15)
 
 

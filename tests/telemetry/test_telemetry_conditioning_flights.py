@@ -189,11 +189,11 @@ def test_in_rough_air_inertial_biases_are_found_and_scales_are_not_claimed() -> 
 def test_straight_flight_does_not_tell_airspeed_scale_from_bias() -> None:
     (block,) = flights([Scenario(AIRCRAFT, seed=1)], 20.0)
     path = reconstruct_path(block, PathConfig(noise_std=AIRCRAFT.sensors.noise_std))
-    told = {p.name: p for p in path.parameters}
-    assert not told["scale of airspeed_true_m_s"].observable
-    assert not told["bias of airspeed_true_m_s"].observable
-    assert "flight alone" in told["scale of airspeed_true_m_s"].reason
-    assert told["bias of pitch_rate_rad_s"].observable
+    parameters = {p.name: p for p in path.parameters}
+    assert not parameters["scale of airspeed_true_m_s"].observable
+    assert not parameters["bias of airspeed_true_m_s"].observable
+    assert "flight alone" in parameters["scale of airspeed_true_m_s"].reason
+    assert parameters["bias of pitch_rate_rad_s"].observable
 
 
 def test_a_path_says_what_it_lacks() -> None:

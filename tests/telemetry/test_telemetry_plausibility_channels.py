@@ -19,7 +19,7 @@ from plausible_flights import (
 
 from wingwatch.telemetry import CHANNEL_INDEX, ChannelEntry, SampleBlock, parse_map
 from wingwatch.telemetry.maps import apply_map
-from wingwatch.telemetry.plausibility import Finding, Standing
+from wingwatch.telemetry.plausibility import Finding, Verdict
 
 RATES = ("roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s")
 Z = "specific_force_z_m_s2"
@@ -27,10 +27,10 @@ AIRSPEED = "airspeed_true_m_s"
 
 
 def refused(found: tuple[Finding, ...]) -> list[str]:
-    return sorted(one.channel for one in found if one.standing is Standing.REFUSAL)
+    return sorted(one.channel for one in found if one.standing is Verdict.REFUSAL)
 
 
-def one_of(found: tuple[Finding, ...], standing: Standing) -> Finding:
+def one_of(found: tuple[Finding, ...], standing: Verdict) -> Finding:
     (only,) = [one for one in found if one.standing is standing]
     return only
 
@@ -72,8 +72,8 @@ def test_a_wrong_unit_or_sign_is_named_and_its_line_mends_it(what: str, air: str
     block = flown(aircraft, "both", air)
     found = findings(block, aircraft, spoil)
     assert refused(found) == channels
-    lines = "\n".join(one.line for one in found if one.standing is Standing.REFUSAL)
-    assert all(one.standing is Standing.RIGHT for one in findings(mended(block, spoil, lines), aircraft))
+    lines = "\n".join(one.line for one in found if one.standing is Verdict.REFUSAL)
+    assert all(one.standing is Verdict.RIGHT for one in findings(mended(block, spoil, lines), aircraft))
 
 
 @pytest.mark.parametrize(
@@ -83,7 +83,7 @@ def test_a_wrong_unit_or_sign_is_named_and_its_line_mends_it(what: str, air: str
 )
 def test_a_turned_surface_is_named_where_it_was_moved(aircraft: str, surface: str) -> None:
     found = findings(flown(aircraft, "steps", "none"), aircraft, times(-1.0, surface))
-    assert one_of(found, Standing.REFUSAL).line == f'{surface} = {{ source = "{surface}", scale = -1 }}'
+    assert one_of(found, Verdict.REFUSAL).line == f'{surface} = {{ source = "{surface}", scale = -1 }}'
 
 
 @pytest.mark.parametrize("aircraft", AIRCRAFT)
@@ -102,7 +102,7 @@ def test_exchanged_axes_are_named() -> None:
 @pytest.mark.parametrize("manoeuvre", ["doublets", "patrol"])
 def test_held_surfaces_are_refused(manoeuvre: str, rows: float, hz: float) -> None:
     found = findings(flown("aerosonde", manoeuvre, "light"), "aerosonde", held(rows, *SURFACES))
-    only = one_of(found, Standing.REFUSAL)
+    only = one_of(found, Verdict.REFUSAL)
     assert only.check == "held"
     assert only.measured == pytest.approx(hz, rel=0.01)
     assert only.line == ("" if hz < 9.0 else f'clock = "{only.channel}"')
@@ -125,7 +125,7 @@ def test_single_steps_with_rests_and_few_digits_are_no_slow_rate() -> None:
 
 def test_gyros_behind_a_filter_are_late() -> None:
     found = findings(flown("aerosonde", "both", "light"), "aerosonde", low_passed(0.06, *RATES))
-    late = [one for one in found if one.standing is Standing.WARNING]
+    late = [one for one in found if one.standing is Verdict.WARNING]
     assert [one.channel for one in late] == list(RATES)
     for one in late:
         assert one.measured == pytest.approx(0.06, abs=0.015)
@@ -139,7 +139,7 @@ def test_a_clipped_sensor_is_named(name: str) -> None:
         column = values[:, CHANNEL_INDEX[name]]
         column[:] = np.clip(column, *np.quantile(column, (0.003, 0.997)))
 
-    only = one_of(findings(flown("aerosonde", "both", "moderate"), "aerosonde", clip), Standing.WARNING)
+    only = one_of(findings(flown("aerosonde", "both", "moderate"), "aerosonde", clip), Verdict.WARNING)
     assert (only.channel, only.check) == (name, "clipped")
 
 
@@ -148,7 +148,7 @@ def test_a_frozen_airspeed_is_named_and_no_unit() -> None:
         values[2500:, CHANNEL_INDEX[AIRSPEED]] = values[2500, CHANNEL_INDEX[AIRSPEED]]
 
     only = one_of(
-        findings(flown("ultrastick25e", "doublets", "moderate"), "ultrastick25e", freeze), Standing.WARNING
+        findings(flown("ultrastick25e", "doublets", "moderate"), "ultrastick25e", freeze), Verdict.WARNING
     )
     assert (only.channel, only.check) == (AIRSPEED, "stuck")
 
@@ -160,13 +160,11 @@ def test_lines_keep_what_the_users_map_says() -> None:
     }
     block = flown("aerosonde", "both", "none")
     by_unit = findings(block, "aerosonde", times(1.0 / DEG, "roll_rate_rad_s"), entries=entries)
-    assert one_of(by_unit, Standing.REFUSAL).line == (
+    assert one_of(by_unit, Verdict.REFUSAL).line == (
         'roll_rate_rad_s = { source = "gyr.x", unit = "rad/s", delay_s = 0.01 }'
     )
     by_sign = findings(block, "aerosonde", times(-1.0, Z), entries=entries)
-    assert (
-        one_of(by_sign, Standing.REFUSAL).line == f'{Z} = {{ source = "acc z", scale = -2, offset = -0.5 }}'
-    )
+    assert one_of(by_sign, Verdict.REFUSAL).line == f'{Z} = {{ source = "acc z", scale = -2, offset = -0.5 }}'
 
 
 def test_commands_of_fifty_hertz_in_a_faster_table_are_right() -> None:

@@ -8,7 +8,7 @@ from plausible_flights import AIRCRAFT, DEG, findings, flown, times
 from telemetry_flights import THOR75, THOR75_MAP
 
 from wingwatch.telemetry import CHANNELS, SampleBlock, load_flight, parse_map
-from wingwatch.telemetry.plausibility import Standing
+from wingwatch.telemetry.plausibility import Verdict
 
 FAULTS = (
     "airspeed_error:0.2@0", "airspeed_error:-0.3@40+30", "sensor_scale[pitch_rate_rad_s]:-0.2@0",
@@ -25,7 +25,7 @@ FAULTS = (
 def test_a_healthy_flight_has_no_finding(aircraft: str, air: str, manoeuvre: str) -> None:
     for seed in (11, 12):
         found = findings(flown(aircraft, manoeuvre, air, seed), aircraft)
-        assert [one.sentence for one in found if one.standing is not Standing.RIGHT] == []
+        assert [one.sentence for one in found if one.standing is not Verdict.RIGHT] == []
         assert found
 
 
@@ -35,7 +35,7 @@ def test_a_healthy_flight_has_no_finding(aircraft: str, air: str, manoeuvre: str
 def test_a_real_fault_is_not_refused(aircraft: str, air: str, fault: str) -> None:
     for manoeuvre in ("doublets", "both"):
         found = findings(flown(aircraft, manoeuvre, air, 21, fault), aircraft)
-        assert [one.sentence for one in found if one.standing is Standing.REFUSAL] == []
+        assert [one.sentence for one in found if one.standing is Verdict.REFUSAL] == []
 
 
 @pytest.mark.parametrize("aircraft", AIRCRAFT)
@@ -75,7 +75,7 @@ def test_a_clock_that_was_set_back_is_judged_by_its_longest_part() -> None:
     values = flown("aerosonde", "both", "none").values.copy()
     values[2000:, 0] -= 500.0
     found = findings(SampleBlock(values), "aerosonde", times(-1.0, "specific_force_z_m_s2"))
-    assert [one.channel for one in found if one.standing is Standing.REFUSAL] == ["specific_force_z_m_s2"]
+    assert [one.channel for one in found if one.standing is Verdict.REFUSAL] == ["specific_force_z_m_s2"]
 
 
 @pytest.mark.skipif(not THOR75.exists(), reason="the measured flight is not here")
@@ -94,7 +94,7 @@ def test_a_clock_that_was_set_back_is_judged_by_its_longest_part() -> None:
 def test_a_measured_flight(factor: float, names: tuple[str, ...], refused: list[str]) -> None:
     block = load_flight(THOR75, parse_map(THOR75_MAP)).block
     found = findings(block, "ultrastick25e", times(factor, *names))
-    doubts = [one for one in found if one.standing is not Standing.RIGHT]
+    doubts = [one for one in found if one.standing is not Verdict.RIGHT]
     assert sorted(one.channel.split("_")[0] for one in doubts) == refused
 
 

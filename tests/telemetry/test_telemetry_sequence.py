@@ -1,4 +1,4 @@
-"""Lost, late, repeated, or started again: told by numbers, streams and stamps."""
+"""Lost, late, repeated, or started again: known by numbers, streams and stamps."""
 
 from hypothesis import given
 from hypothesis import strategies as st

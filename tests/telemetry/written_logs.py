@@ -120,7 +120,7 @@ class Flash:
         return [parm, text, *self.topics]
 
     def _kinds(self) -> dict[str, int]:
-        """Number of each type; messages of one name are of one type, told apart by a field."""
+        """Number of each type; messages of one name are of one type, distinguished by a field."""
         return {name: kind for kind, name in enumerate(dict.fromkeys(t.name for t in self._all()), 1)}
 
     def encode(self) -> bytes:

@@ -126,7 +126,10 @@ def _moment(i, dt, rate, angular, pressure, to, model, memory):  # type: ignore[
 
 @helper
 def forces_and_moments(row, dt, model, memory, flow, to):  # type: ignore[no-untyped-def]
-    """z and columns of forces and moments; ``flow`` is that of ``samples``. Beyond straight lift they say nothing."""
+    """z and columns of forces and moments; beyond straight lift they are left out.
+
+    ``row``: one sample, (columns,); ``dt``: s since the one before; ``flow``: that of ``samples``, (fields,).
+    """
     _regressors(row, dt, model, memory, flow, to)
     per_kg = flow[13]
     for i in (LIFT, SIDE):

@@ -109,7 +109,7 @@ class Reference:
     air: Array = field(default_factory=lambda: np.zeros(len(FLOW)))
 
     def parameters(self, variance: Array) -> Array:
-        """The constant part as it is known, (rows, COLUMNS); ``variance`` of e2/S."""
+        """The constant part as it is known, (rows, COLUMNS); ``variance`` of e2/S, a ratio."""
         scale = 1.0 / (variance * self.scatter)
         known = PRIOR_INFORMATION[..., None] * np.eye(COLUMNS) + self.information * scale[:, None, None]
         return np.asarray(np.linalg.solve(known, (self.vector * scale[:, None])[..., None])[..., 0])
@@ -119,14 +119,15 @@ class Reference:
         self.information[row], self.vector[row] = 0.0, 0.0
 
     def changed_air(self, drift: Array) -> float:
-        """0 to 1: how much the air of these drifts, of ``FLOW``, differs from the one known."""
+        """0 to 1, a fraction: how much the air of these drifts, shape (relations,), differs from the known one."""
         if self.air_s == 0.0:
             return 0.0
         apart = float(np.max(np.abs(np.log(drift) - self.air / self.air_s))) ** 2
         return apart / (apart + OTHER_AIR**2)
 
     def absorb(self, segment: Closed, which: NDArray[np.bool_], drift: Array) -> None:
-        """Take in a segment of the rows named in air of these drifts, and forget a little of what was before."""
+        """Add a segment of the rows ``which``, shape (rows,), in air of these drifts, and forget a little of what was
+        before. A segment states its length in seconds."""
         fading = np.exp(-segment.seconds / FADING_S)
         self.air_s = fading * self.air_s + segment.seconds
         self.air = fading * self.air + segment.seconds * np.log(drift)
@@ -157,7 +158,7 @@ class Changes(NamedTuple):
 
 
 def closed(segment: Segment, start_s: float, seconds: float) -> Closed:
-    """A segment as it is remembered; both triangles of its information are filled."""
+    """A segment from ``start_s`` on for ``seconds``, as remembered; both triangles of its information are filled."""
     lower = segment.information
     full = lower + np.swapaxes(np.tril(lower, -1), -1, -2)
     samples, square, products, decay, log_s = (segment.scalar[:, k].copy() for k in range(5))
@@ -220,7 +221,7 @@ def scored(
     """The segment with its excess by what was known before, its score's mean square over what is stated, and the
     variance before it, all by row.
 
-    The score is NaN where the segment says nothing.
+    The score is NaN without information. ``floors``: standard deviations of what may come and go, (rows, columns).
     """
     latest = len(earlier)
     found = changes_since(reference, [*earlier, segment], latest, latest)

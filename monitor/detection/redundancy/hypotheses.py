@@ -114,7 +114,7 @@ class Hypothesis:
         return frozenset(self.effects) | ({self.repeated} if self.repeated is not None else set())
 
     def level(self, size: float) -> str:
-        """``watch``, ``warning`` or ``critical``."""
+        """``watch``, ``warning`` or ``critical``; ``size`` in the unit of the hypothesis."""
         return (
             "critical"
             if abs(size) >= self.levels[1]

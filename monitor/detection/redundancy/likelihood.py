@@ -183,7 +183,7 @@ def _student(q, n, nu):  # type: ignore[no-untyped-def]
 
 @whole_entry
 def most_gained(information, vector, square, samples, at_rest, nu):  # type: ignore[no-untyped-def]
-    """Log-likelihood by onset and row where every direction is free, (m, rows)."""
+    """Log-likelihood, in nats, by onset and row where every direction is free, (m, rows)."""
     m, rows, c = vector.shape
     out, a, b = np.empty((m, rows)), np.empty((c, c)), np.empty(c)
     for onset in range(m):
@@ -209,11 +209,11 @@ def _of_part(changed, std, size, precision, nu, work):  # type: ignore[no-untype
     With A = W^(1/2) K W^(1/2), M = I + lambda A and b = W^(1/2) (y - m K a), g = M^-1 b.
 
     Returns:
-        the log-likelihood, lambda, and the curvature and pull of the size at that lambda.
+        the log-likelihood, lambda, and the curvature and gradient of the size at that lambda.
     """
-    pulled, total, k, y, ka, q, n, base = changed
+    projected, total, k, y, ka, q, n, base = changed
     a, b, d, g = work
-    c, log, curvature, pull = COLUMNS, 0.0, 0.0, 0.0
+    c, log, curvature, gradient = COLUMNS, 0.0, 0.0, 0.0
     for _ in range(2):
         for i in range(c):
             b[i], d[i] = std[i] * (y[i] - size * ka[i]), std[i] * ka[i]
@@ -230,15 +230,15 @@ def _of_part(changed, std, size, precision, nu, work):  # type: ignore[no-untype
             g[i] = s / a[i, i] if a[i, i] > 0.0 else 0.0
             within += g[i] * g[i]
         # at w = lambda W^(1/2) g: Q(m, w) = Q - 2 m a'y + m^2 a'Ka - lambda (b'g + g'g), and w'W^-1 w = lambda^2 g'g
-        square = max(0.0, q + size * (size * total - 2.0 * pulled) - precision * (along + within))
+        square = max(0.0, q + size * (size * total - 2.0 * projected) - precision * (along + within))
         log = _student(square, n, nu) + base - 0.5 * (precision * precision * within + determinant)
         curvature = precision * (total - precision * across)
-        pull = precision * (pulled - size * total - precision * both)
+        gradient = precision * (projected - size * total - precision * both)
         renewed = min(_MOST_PRECISE, (nu + n) / (nu + square))
         if abs(renewed - precision) < _CLOSE * precision:
             break
         precision = renewed
-    return log, precision, curvature, pull
+    return log, precision, curvature, gradient
 
 
 @whole_entry
@@ -264,17 +264,17 @@ def likelihoods(evidence, parts, variations, usual, prior, limits, nu):  # type:
     logs, size, precision_of_size = np.zeros((p, m)), np.zeros(m), np.zeros(m)
     work = (np.empty((c, c)), np.empty(c), np.empty(c), np.empty(c))
     ka, std = np.empty((p, c)), np.empty((p, c))
-    pulled, total, precision = np.empty(p), np.empty(p), np.empty(p)
+    projected, total, precision = np.empty(p), np.empty(p), np.empty(p)
     for onset in range(m):
         for r in range(p):
             k, y = information[onset, relations[r]], vector[onset, relations[r]]
-            pulled[r], total[r], precision[r] = 0.0, 0.0, 1.0
+            projected[r], total[r], precision[r] = 0.0, 0.0, 1.0
             for i in range(c):
                 s = 0.0
                 for j in range(c):
                     s += k[i, j] * directions[r, j]
                 ka[r, i] = s
-                pulled[r] += directions[r, i] * y[i]
+                projected[r] += directions[r, i] * y[i]
                 total[r] += directions[r, i] * s
         now, about = lowest if fixed else 0.0, usual
         for _ in range(1 if fixed else 2):
@@ -283,21 +283,21 @@ def likelihoods(evidence, parts, variations, usual, prior, limits, nu):  # type:
                 for i in range(c):
                     std[r, i] = math.hypot(least[r, i], about * by_size[r, i])
             for _ in range(_STEPS):
-                curvature, pull, sum_of_logs = prior, -prior * now, -0.5 * prior * now * now
+                curvature, gradient, sum_of_logs = prior, -prior * now, -0.5 * prior * now * now
                 for r in range(p):
                     i = relations[r]
                     changed = (
-                        pulled[r], total[r], information[onset, i], vector[onset, i], ka[r], square[onset, i],
+                        projected[r], total[r], information[onset, i], vector[onset, i], ka[r], square[onset, i],
                         samples[onset, i], at_rest[onset, i],
                     )  # fmt: skip
                     log, precision[r], more, along = _of_part(changed, std[r], now, precision[r], nu, work)
                     logs[r, onset] = log
-                    curvature, pull, sum_of_logs = curvature + more, pull + along, sum_of_logs + log
+                    curvature, gradient, sum_of_logs = curvature + more, gradient + along, sum_of_logs + log
                 precision_of_size[onset] = curvature
                 if fixed or curvature <= 0.0 or abs(sum_of_logs - before) < _CLOSE:
                     break
                 before = sum_of_logs
-                now = min(highest, max(lowest, now + pull / curvature))
+                now = min(highest, max(lowest, now + gradient / curvature))
             about = abs(now)
         size[onset] = now
     return logs, size, precision_of_size

@@ -189,7 +189,7 @@ class _Signals(NamedTuple):
 
 
 def new_memory(drift: Array) -> Memory:
-    """Before the first sample; ``drift`` (rows,) as it is stated."""
+    """Before the first sample; ``drift`` (rows,) as stated by the model, in units of each relation."""
     scalar = np.zeros((_ROWS, CHANGES + 1))
     scalar[:, DRIFT] = drift
     scalar[:, _READING] = np.nan
@@ -214,9 +214,10 @@ def new_segment() -> Segment:
 
 @helper
 def thrust_n(c, throttle, airspeed, density):  # type: ignore[no-untyped-def]
-    """Thrust in N; ``aircraft.propulsion_thrust_n`` holds it in a test.
+    """Thrust in N; a test compares it with ``aircraft.propulsion_thrust_n``.
 
-    ``c``: 1 for an electric propeller, else 0; largest thrust N; diameter m; three thrust and three torque
+    ``throttle`` 0 to 1, ``airspeed`` m/s, ``density`` kg/m3: scalars.
+    ``c`` (14,): 1 for an electric propeller, else 0; largest thrust N; diameter m; three thrust and three torque
     coefficients; motor constant, torque constant, resistance, no-load current, largest voltage.
     """
     if c[0] == 0.0:

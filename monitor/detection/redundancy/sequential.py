@@ -216,7 +216,8 @@ def smallest_seen(
 ) -> list[float | None]:
     """By hypothesis the smallest size that the segments since the first onset would have shown, None where no size.
 
-    That is the one whose gain, as it is expected, passes the threshold.
+    That is the one whose expected gain passes the threshold. Sizes are in the unit of each hypothesis; ``floors``:
+    (rows, columns).
     """
     found: list[float | None] = []
     for hypothesis in hypotheses:

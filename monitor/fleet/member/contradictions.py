@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from wingwatch.aircraft import Aircraft
 from wingwatch.monitor.fleet.member.sample_ring import SampleRing
 from wingwatch.telemetry import Cleaner, SampleBlock
-from wingwatch.telemetry.plausibility import Standing, check_flight
+from wingwatch.telemetry.plausibility import Verdict, check_flight
 
 __all__ = ["Contradictions"]
 
@@ -60,10 +60,10 @@ class Contradictions:
         block = SampleBlock.from_columns({"time_s": time_s, **columns})
         findings = check_flight(Cleaner().clean(block).block, kinds, aircraft)
         for one in findings:
-            if one.standing is Standing.RIGHT:
+            if one.standing is Verdict.RIGHT:
                 self.by_channel.pop(one.channel, None)
         for one in findings:
-            if one.standing is Standing.REFUSAL and one.check not in _NOT_LIVE:
+            if one.standing is Verdict.REFUSAL and one.check not in _NOT_LIVE:
                 self.by_channel[one.channel] = one.text
         self.looks += 1
         self.since_s = float(time_s[-1]) if time_s.size else self.since_s
