@@ -37,7 +37,7 @@ checks:
 	$(BIN)/lint-imports
 
 kernels:
-	@$(BIN)/python -m wingwatch.cli.kernels
+	@$(BIN)/wingwatch kernels
 
 # Pins stay where they can; `make constraints UPGRADE=--upgrade` takes the newest of everything.
 constraints: python  ## pin every package anew, with hashes (UPGRADE=--upgrade for the newest)

@@ -24,12 +24,12 @@ from saving import run_benchmark
 
 from wingwatch.aircraft import Aircraft, load_aircraft
 from wingwatch.api import DiagnosisState, DiagnosisView
-from wingwatch.cli.alert_diagnoses import is_diagnosed
-from wingwatch.cli.alert_findings import asked_causes, finding_of
-from wingwatch.cli.diagnosis_change import RING_CHANNELS
 from wingwatch.diagnosis import DiagnosisError
 from wingwatch.diagnosis.change import change_as_json, diagnose_change
 from wingwatch.monitor import AlertState, AlertView, SampleRing, VehicleMonitor, surface_kinds
+from wingwatch.operations.diagnosis_change import RING_CHANNELS
+from wingwatch.service.alert_diagnoses import is_diagnosed
+from wingwatch.service.alert_findings import asked_causes, finding_of
 from wingwatch.simulation import (
     Effect,
     Scenario,

@@ -35,8 +35,8 @@ from wingwatch.baselines import (
 )
 from wingwatch.baselines.baseline_rows import MAX_CELLS, MAX_REFERENCE_HISTORY, put_cell
 from wingwatch.baselines.tables import ReferenceRow
-from wingwatch.cli.baseline_objects import Asked, list_object, show_object
 from wingwatch.cli.main import main as wingwatch
+from wingwatch.operations.baseline_objects import Asked, list_object, show_object
 from wingwatch.simulation import Scenario, doublet_schedule, simulate
 from wingwatch.telemetry import write_flight
 

@@ -18,7 +18,7 @@ from typing import Any
 
 from saving import run_benchmark
 
-from wingwatch.cli.kernel_steps import EVERY, STEPS
+from wingwatch.service.kernel_steps import EVERY, STEPS
 
 
 def compiled(step: str) -> dict[str, Any]:

@@ -25,9 +25,9 @@ from loopback import free_endpoint
 from saving import run_benchmark
 
 from wingwatch.aircraft import load_aircraft
-from wingwatch.cli.service import running_service
-from wingwatch.cli.settings import ServeSettings
 from wingwatch.monitor import FleetMonitor
+from wingwatch.service.service import running_service
+from wingwatch.service.settings import ServeSettings
 from wingwatch.simulation import FleetSimulation, Scenario, doublet_schedule
 from wingwatch.telemetry import (
     AircraftMessage,

@@ -33,12 +33,12 @@ from service_child import beside
 
 from wingwatch.aircraft import LATERAL, SHORT_PERIOD, Provenance, load_aircraft
 from wingwatch.baselines import ExpectationRecord, apriori_envelope, open_database
-from wingwatch.cli.service import running_service
-from wingwatch.cli.settings import ServeSettings
 from wingwatch.estimators import EkfEstimator, FourierEstimator, Signals, Validity
 from wingwatch.monitor import FleetMonitor, VehicleMonitor
 from wingwatch.monitor.detection.judge import Judge
 from wingwatch.monitor.fleet import fleet_monitor as fleet_module
+from wingwatch.service.service import running_service
+from wingwatch.service.settings import ServeSettings
 from wingwatch.simulation import FleetSimulation, Scenario, doublet_schedule
 from wingwatch.telemetry import (
     JSON,

@@ -33,14 +33,14 @@ from saving import run_benchmark
 
 from wingwatch.api import KernelsView
 from wingwatch.baselines import Database
-from wingwatch.cli.kernel_steps import AFTER_DEMO, DEMO
-from wingwatch.cli.kernels import KernelCompiler
-from wingwatch.cli.notifications import Notifications
-from wingwatch.cli.notify_settings import NotifyTable
-from wingwatch.cli.service import Service, running_service
-from wingwatch.cli.settings import ServeSettings
 from wingwatch.cli.simulated_fleet import SimulatedFleet
 from wingwatch.monitor import AlertState, AlertView
+from wingwatch.service.kernel_steps import AFTER_DEMO, DEMO
+from wingwatch.service.kernels import KernelCompiler
+from wingwatch.service.notifications import Notifications
+from wingwatch.service.notify_settings import NotifyTable
+from wingwatch.service.service import Service, running_service
+from wingwatch.service.settings import ServeSettings
 from wingwatch.simulation import demo_fleet
 
 PATIENCE_S = 60.0

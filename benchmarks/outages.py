@@ -35,7 +35,7 @@ from service_child import ServiceChild, own_process
 from service_process import RATE_HZ, SAMPLES, Flights, RestClient, prepare_kernels, wait_until
 
 from wingwatch.baselines import AlertRecord, open_database
-from wingwatch.cli.settings import ServeSettings
+from wingwatch.service.settings import ServeSettings
 from wingwatch.simulation import demo_fleet
 from wingwatch.telemetry import JSON, ZenohSettings, decode_service_object, open_session
 

@@ -21,12 +21,12 @@ from saving import run_benchmark
 
 from wingwatch.aircraft import load_aircraft
 from wingwatch.baselines import open_database
-from wingwatch.cli.processor_time import ProcessorTimes
-from wingwatch.cli.recorded_ports import RecordedStore
-from wingwatch.cli.recorder import Recorder
 from wingwatch.cli.replaying import Agreement, Replay
-from wingwatch.cli.store import DatabaseStore
 from wingwatch.monitor import FleetMonitor, FleetPorts
+from wingwatch.service.processor_time import ProcessorTimes
+from wingwatch.service.recorded_ports import RecordedStore
+from wingwatch.service.recorder import Recorder
+from wingwatch.service.store import DatabaseStore
 from wingwatch.simulation import FleetSimulation, Scenario, doublet_schedule, parse_effect
 from wingwatch.telemetry import (
     PROTOBUF,

@@ -31,9 +31,9 @@ from service_process import (
 )
 
 from wingwatch.aircraft import load_aircraft
-from wingwatch.cli.checkpoints import CheckpointFolder
-from wingwatch.cli.settings import ServeSettings
 from wingwatch.monitor import FleetMonitor, FleetPorts, SavedVehicle
+from wingwatch.service.checkpoints import CheckpointFolder
+from wingwatch.service.settings import ServeSettings
 from wingwatch.simulation import FleetSimulation, demo_fleet
 from wingwatch.telemetry import PROTOBUF, AircraftMessage, SampleBlock, encode_aircraft, encode_sensors
 

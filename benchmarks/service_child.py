@@ -15,9 +15,9 @@ from unittest import mock
 from latency import timed_receive_all
 
 from wingwatch.cli.serve_command import allow_open_files
-from wingwatch.cli.service import running_service
-from wingwatch.cli.settings import ServeSettings
 from wingwatch.monitor import AlertState, AlertView, FleetMonitor
+from wingwatch.service.service import running_service
+from wingwatch.service.settings import ServeSettings
 
 COMPILE_S, PATIENCE_S = 300.0, 90.0
 ALERT = AlertView(

@@ -13,8 +13,8 @@ from typing import Any
 import httpx
 import zenoh
 
-from wingwatch.cli.kernel_steps import DEMO
-from wingwatch.cli.kernels import KernelCompiler
+from wingwatch.service.kernel_steps import DEMO
+from wingwatch.service.kernels import KernelCompiler
 from wingwatch.simulation import FleetSimulation, Scenario
 from wingwatch.telemetry import (
     PROTOBUF,

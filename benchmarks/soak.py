@@ -30,7 +30,7 @@ from saving import run_benchmark
 from service_child import Insight, ServiceChild, beside, own_process
 from service_process import RATE_HZ, SAMPLES, Flights, RestClient, prepare_kernels, wait_until
 
-from wingwatch.cli.settings import ServeSettings
+from wingwatch.service.settings import ServeSettings
 from wingwatch.simulation import demo_fleet
 from wingwatch.telemetry import LinkError, ZenohSettings, open_session
 

@@ -3,8 +3,8 @@
 import argparse
 import json
 
-from wingwatch.cli.faults import say
-from wingwatch.cli.progress import write_json
+from wingwatch.operations.faults import say
+from wingwatch.operations.progress import write_json
 from wingwatch.telemetry import access_rules, vehicle_subject
 
 __all__ = ["run"]

@@ -17,8 +17,8 @@ from wingwatch.aircraft import (
 from wingwatch.cli.aircraft_check import check_object, say_check
 from wingwatch.cli.aircraft_export import export_aircraft
 from wingwatch.cli.aircraft_new import new_aircraft
-from wingwatch.cli.faults import CommandError
-from wingwatch.cli.progress import page, write_json
+from wingwatch.operations.faults import CommandError
+from wingwatch.operations.progress import page, write_json
 
 __all__ = ["run"]
 

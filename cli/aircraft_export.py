@@ -23,9 +23,9 @@ from wingwatch.aircraft import (
     trimmed,
     with_stated_derivatives,
 )
-from wingwatch.cli.faults import CommandError
-from wingwatch.cli.output_files import check_output
-from wingwatch.cli.progress import page, write_json
+from wingwatch.operations.faults import CommandError
+from wingwatch.operations.output_files import check_output
+from wingwatch.operations.progress import page, write_json
 from wingwatch.pages.whole_file import write_whole
 
 __all__ = ["export_aircraft"]

@@ -9,9 +9,9 @@ from rich.markup import escape
 from wingwatch.aircraft import aircraft_toml, check_file
 from wingwatch.cli.aircraft_check import check_object, say_check
 from wingwatch.cli.aircraft_sources import made_aircraft
-from wingwatch.cli.faults import CommandError
-from wingwatch.cli.output_files import check_output
-from wingwatch.cli.progress import page, write_json
+from wingwatch.operations.faults import CommandError
+from wingwatch.operations.output_files import check_output
+from wingwatch.operations.progress import page, write_json
 from wingwatch.pages.whole_file import write_whole
 
 __all__ = ["new_aircraft"]

@@ -18,7 +18,7 @@ from wingwatch.aircraft import (
     read_avl_mass,
     read_avl_run,
 )
-from wingwatch.cli.faults import CommandError
+from wingwatch.operations.faults import CommandError
 
 __all__ = ["Made", "made_aircraft"]
 

@@ -3,7 +3,7 @@
 import argparse
 
 from wingwatch.aircraft import Aircraft, FlightCondition
-from wingwatch.cli.faults import CommandError
+from wingwatch.operations.faults import CommandError
 
 __all__ = ["asked_condition"]
 

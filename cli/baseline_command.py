@@ -9,13 +9,13 @@ from typing import Any
 
 from wingwatch.aircraft import load_aircraft
 from wingwatch.baselines import open_database
-from wingwatch.cli.baseline import check_exists
-from wingwatch.cli.baseline_objects import Asked, history_object, list_object, show_object
-from wingwatch.cli.baseline_pages import print_history, print_list, print_show
-from wingwatch.cli.convention import check_convention
-from wingwatch.cli.faults import CommandError
-from wingwatch.cli.output_files import check_output
-from wingwatch.cli.progress import page, write_json
+from wingwatch.operations.baseline import check_exists
+from wingwatch.operations.baseline_objects import Asked, history_object, list_object, show_object
+from wingwatch.operations.baseline_pages import print_history, print_list, print_show
+from wingwatch.operations.convention import check_convention
+from wingwatch.operations.faults import CommandError
+from wingwatch.operations.output_files import check_output
+from wingwatch.operations.progress import page, write_json
 
 __all__ = ["run"]
 
@@ -28,7 +28,7 @@ def run(arguments: argparse.Namespace) -> int:
     act = _READING.get(arguments.action)
     if act is None:
         module, name = _CHANGING[arguments.action]  # what reads alone loads no more than it needs
-        act = getattr(import_module(f"wingwatch.cli.{module}"), name)
+        act = getattr(import_module(f"wingwatch.{module}"), name)
     result, show = act(arguments)
     if arguments.json:
         write_json(result)
@@ -91,11 +91,11 @@ def _named(kind: str, name: str) -> str:
 _READING: dict[str, _Action] = {"list": _list, "show": _show, "history": _history}
 
 _CHANGING = {
-    "import": ("baseline_exchange", "import_"),
-    "export": ("baseline_exchange", "export"),
-    "predict": ("baseline_predict", "predict"),
-    "learn": ("baseline_learn", "learn"),
-    "revert": ("baseline_revert", "revert"),
-    "delete": ("baseline_revert", "remove"),
+    "import": ("operations.baseline_exchange", "import_"),
+    "export": ("operations.baseline_exchange", "export"),
+    "predict": ("cli.baseline_predict", "predict"),
+    "learn": ("cli.baseline_learn", "learn"),
+    "revert": ("operations.baseline_revert", "revert"),
+    "delete": ("operations.baseline_revert", "remove"),
 }
 """Module and function by the name on the command line."""

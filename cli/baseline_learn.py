@@ -19,17 +19,17 @@ from wingwatch.baselines import (
     Teaching,
     open_database,
 )
-from wingwatch.cli.baseline import stored_cells, stored_envelopes, stored_references
 from wingwatch.cli.baseline_learning import LEARNED, Lesson, Student, digest_of, identified_entries
-from wingwatch.cli.baseline_pages import many
-from wingwatch.cli.baseline_revert import Done, who
-from wingwatch.cli.faults import CommandError
 from wingwatch.cli.flight_watch import OFFLINE
-from wingwatch.cli.kernel_wheel import take_or_say
-from wingwatch.cli.plausible import checked
-from wingwatch.cli.progress import Progress, page
-from wingwatch.cli.surface_travel import surface_travel
 from wingwatch.monitor import MonitorStart, VehicleMemory
+from wingwatch.operations.baseline import stored_cells, stored_envelopes, stored_references
+from wingwatch.operations.baseline_pages import many
+from wingwatch.operations.baseline_revert import Done, who
+from wingwatch.operations.faults import CommandError
+from wingwatch.operations.plausible import checked
+from wingwatch.operations.progress import Progress, page
+from wingwatch.operations.surface_travel import surface_travel
+from wingwatch.service.kernel_wheel import take_or_say
 from wingwatch.telemetry import check_name, load_flight
 
 __all__ = ["learn"]

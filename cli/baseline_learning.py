@@ -22,14 +22,14 @@ from wingwatch.baselines import (
     aged,
     cell_of,
 )
-from wingwatch.cli.baseline_comparison import Affine, affine_at
-from wingwatch.cli.faults import CommandError
 from wingwatch.cli.flight_watch import watch
-from wingwatch.cli.progress import Progress
 from wingwatch.cli.unusable import refuse_unusable
 from wingwatch.monitor import CellPlace, MonitorStart, Report, VehicleMemory, VehicleMonitor
 from wingwatch.monitor.detection.blocks import FOURIER, BlockView
 from wingwatch.monitor.detection.comparison import natural_size, without_bias
+from wingwatch.operations.baseline_comparison import Affine, affine_at
+from wingwatch.operations.faults import CommandError
+from wingwatch.operations.progress import Progress
 from wingwatch.telemetry import FlightTable
 
 __all__ = ["LEARNED", "FlownCell", "Lesson", "Student", "digest_of", "identified_entries"]

@@ -22,10 +22,10 @@ from wingwatch.baselines import (
     apriori_envelope,
     posteriors,
 )
-from wingwatch.cli.baseline import stored_envelopes
-from wingwatch.cli.baseline_comparison import affine_at
-from wingwatch.cli.baseline_objects import Asked
-from wingwatch.cli.faults import CommandError
+from wingwatch.operations.baseline import stored_envelopes
+from wingwatch.operations.baseline_comparison import affine_at
+from wingwatch.operations.baseline_objects import Asked
+from wingwatch.operations.faults import CommandError
 
 __all__ = ["Surface", "draw_surface", "structure_with", "surface_of"]
 

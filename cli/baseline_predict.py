@@ -37,10 +37,10 @@ from wingwatch.baselines import (
     apriori_envelope,
     open_database,
 )
-from wingwatch.cli.baseline_revert import Done, who
-from wingwatch.cli.convention import check_convention, in_convention
-from wingwatch.cli.faults import CommandError
-from wingwatch.cli.progress import page
+from wingwatch.operations.baseline_revert import Done, who
+from wingwatch.operations.convention import check_convention, in_convention
+from wingwatch.operations.faults import CommandError
+from wingwatch.operations.progress import page
 
 __all__ = ["predict", "predicted_aircraft"]
 

@@ -12,13 +12,13 @@ from typing import Any
 import zenoh
 
 from wingwatch.aircraft import load_aircraft
-from wingwatch.cli.announced_aircraft import announced
 from wingwatch.cli.bridge_report import bridge_object, bridge_sentences
 from wingwatch.cli.ending import asked_to_end
-from wingwatch.cli.faults import CommandError, say
-from wingwatch.cli.link_settings import security_of
-from wingwatch.cli.progress import write_json
-from wingwatch.cli.surface_travel import surface_travel
+from wingwatch.operations.faults import CommandError, say
+from wingwatch.operations.progress import write_json
+from wingwatch.operations.surface_travel import surface_travel
+from wingwatch.service.announced_aircraft import announced
+from wingwatch.service.link_settings import security_of
 from wingwatch.telemetry import AircraftMessage, FlightPublisher, ZenohSettings, check_name, open_session
 from wingwatch.telemetry.mavlink import LinkReceiver, LinkRequests, MavlinkConnection, Piece, open_connection
 

@@ -9,12 +9,12 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from wingwatch.cli.faults import CommandError
 from wingwatch.cli.flight_watch import load
-from wingwatch.cli.plausible import findings_of, for_json
-from wingwatch.cli.progress import Progress, page, write_json
 from wingwatch.diagnosis.condition_report import Conditioned, condition
 from wingwatch.diagnosis.static_derivatives import StaticDerivatives
+from wingwatch.operations.faults import CommandError
+from wingwatch.operations.plausible import findings_of, for_json
+from wingwatch.operations.progress import Progress, page, write_json
 from wingwatch.telemetry import write_flight
 from wingwatch.telemetry.conditioning import AirQuality, Parameter
 from wingwatch.telemetry.plausibility import Finding, Verdict

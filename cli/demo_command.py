@@ -8,15 +8,15 @@ from rich.console import Console
 from rich.live import Live
 
 from wingwatch.cli.ending import asked_to_end, leave
-from wingwatch.cli.faults import CommandError, say
 from wingwatch.cli.fleet_display import FleetLines, fleet_table
-from wingwatch.cli.kernel_steps import AFTER_DEMO, DEMO
-from wingwatch.cli.kernels import KernelCompiler
-from wingwatch.cli.logs import configure_logs
 from wingwatch.cli.serve_command import await_ready, write_address
-from wingwatch.cli.service import Service, running_service
-from wingwatch.cli.settings import ServeSettings
 from wingwatch.cli.simulated_fleet import SimulatedFleet
+from wingwatch.operations.faults import CommandError, say
+from wingwatch.service.kernel_steps import AFTER_DEMO, DEMO
+from wingwatch.service.kernels import KernelCompiler
+from wingwatch.service.logs import configure_logs
+from wingwatch.service.service import Service, running_service
+from wingwatch.service.settings import ServeSettings
 from wingwatch.simulation import demo_fleet
 
 __all__ = ["run"]

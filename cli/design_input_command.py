@@ -27,11 +27,7 @@ from wingwatch.aircraft import (
     trim,
 )
 from wingwatch.cli.asked_condition import asked_condition
-from wingwatch.cli.convention import check_convention, in_convention
 from wingwatch.cli.design_input_modes import check_kind, flown_rad_s, mode_notes, usual_length_s
-from wingwatch.cli.faults import CommandError
-from wingwatch.cli.output_files import PICTURES
-from wingwatch.cli.progress import page, write_json
 from wingwatch.input_design import (
     INPUT_KINDS,
     InputDesign,
@@ -44,6 +40,10 @@ from wingwatch.input_design import (
     sensed_plant,
     surface_targets,
 )
+from wingwatch.operations.convention import check_convention, in_convention
+from wingwatch.operations.faults import CommandError
+from wingwatch.operations.output_files import PICTURES
+from wingwatch.operations.progress import page, write_json
 
 __all__ = ["Designed", "run"]
 

@@ -15,8 +15,8 @@ from wingwatch.aircraft import (
     mode_quantities,
     trim,
 )
-from wingwatch.cli.faults import CommandError
 from wingwatch.input_design import SPIRAL_BANK_RAD, InputDesign, Promise, SurfaceTarget
+from wingwatch.operations.faults import CommandError
 
 __all__ = ["check_kind", "flown_rad_s", "mode_notes", "usual_length_s"]
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wingwatch.cli.faults import CommandError
 from wingwatch.input_design import InputDesign, Promise
+from wingwatch.operations.faults import CommandError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

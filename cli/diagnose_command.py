@@ -6,13 +6,13 @@ from pathlib import Path
 
 from wingwatch.aircraft import aircraft_toml, load_aircraft, parse_aircraft
 from wingwatch.cli.diagnose_page import show
-from wingwatch.cli.diagnosing import diagnose_file
-from wingwatch.cli.faults import CommandError, say
-from wingwatch.cli.output_files import check_output
-from wingwatch.cli.plausible import for_json
-from wingwatch.cli.progress import Progress, page, write_json
 from wingwatch.diagnosis import Diagnosis, as_json, write_report
 from wingwatch.diagnosis.summary import cause_title, parameter_text
+from wingwatch.operations.diagnosing import diagnose_file
+from wingwatch.operations.faults import CommandError, say
+from wingwatch.operations.output_files import check_output
+from wingwatch.operations.plausible import for_json
+from wingwatch.operations.progress import Progress, page, write_json
 from wingwatch.pages.texts import probability_text
 from wingwatch.pages.whole_file import write_whole
 

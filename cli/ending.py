@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-from wingwatch.cli.faults import say
+from wingwatch.operations.faults import say
 
 __all__ = ["asked_to_end", "leave"]
 

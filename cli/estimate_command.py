@@ -11,26 +11,26 @@ from rich.markup import escape
 from rich.table import Table
 
 from wingwatch.aircraft import Aircraft, load_aircraft
-from wingwatch.cli.convention import check_convention, in_convention
 from wingwatch.cli.design_input_plot import need_matplotlib
 from wingwatch.cli.estimate_history import HistoryWriter
 from wingwatch.cli.estimate_model import save_model
 from wingwatch.cli.estimate_plot import draw_fit
 from wingwatch.cli.estimate_repeats import check_repeats, run_repeats
 from wingwatch.cli.estimate_validation import Validation, as_json, fitted_of, show_validation, validated
-from wingwatch.cli.faults import CommandError
 from wingwatch.cli.flight_watch import Watched, watch
 from wingwatch.cli.forgetting import forgetting_object
 from wingwatch.cli.furthest import furthest
 from wingwatch.cli.joined_flights import joined
 from wingwatch.cli.many_flights import each_flight, end_of_many, flight_files, is_many, print_line
-from wingwatch.cli.output_files import PICTURES, check_output
-from wingwatch.cli.plausible import checked, for_json, show_doubts
-from wingwatch.cli.progress import Progress, page, write_json
-from wingwatch.cli.surface_travel import surface_travel
 from wingwatch.cli.unusable import refuse_unusable
 from wingwatch.diagnosis.offline_estimates import OFFLINE_ESTIMATORS, OfflineEstimates, estimate_offline
 from wingwatch.monitor import MonitorStart, VehicleMonitor
+from wingwatch.operations.convention import check_convention, in_convention
+from wingwatch.operations.faults import CommandError
+from wingwatch.operations.output_files import PICTURES, check_output
+from wingwatch.operations.plausible import checked, for_json, show_doubts
+from wingwatch.operations.progress import Progress, page, write_json
+from wingwatch.operations.surface_travel import surface_travel
 from wingwatch.telemetry import FlightTable, load_flight, load_map
 
 __all__ = ["estimated", "run"]

@@ -8,10 +8,10 @@ import pyarrow as pa
 import pyarrow.csv as pacsv
 import pyarrow.parquet as pq
 
-from wingwatch.cli.convention import in_convention
-from wingwatch.cli.faults import CommandError
 from wingwatch.estimators import Estimate
 from wingwatch.monitor import Report, VehicleMonitor
+from wingwatch.operations.convention import in_convention
+from wingwatch.operations.faults import CommandError
 
 __all__ = ["COLUMNS", "HistoryWriter"]
 

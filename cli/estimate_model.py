@@ -8,7 +8,7 @@ import numpy as np
 
 from wingwatch.aircraft import Aircraft, ConditionEntry, DerivativeEntry, Provenance, aircraft_toml
 from wingwatch.cli.estimate_validation import Fitted
-from wingwatch.cli.faults import CommandError
+from wingwatch.operations.faults import CommandError
 from wingwatch.pages.whole_file import write_whole
 
 __all__ = ["save_model"]

@@ -10,17 +10,17 @@ from rich.markup import escape
 from rich.table import Table
 
 from wingwatch.aircraft import MODEL_DERIVATIVES, load_aircraft
-from wingwatch.cli.faults import CommandError
 from wingwatch.cli.flight_watch import watch
 from wingwatch.cli.joined_flights import joined
 from wingwatch.cli.many_flights import flight_files
-from wingwatch.cli.plausible import checked, for_json, show_doubts
-from wingwatch.cli.progress import Progress, page, write_json
-from wingwatch.cli.surface_travel import surface_travel
 from wingwatch.cli.unusable import refuse_unusable
 from wingwatch.diagnosis.repeats import FlownWindow, RepeatedDerivative, RepeatedManoeuvre, repeats
 from wingwatch.monitor import Report, VehicleMonitor
 from wingwatch.monitor.vehicle.manoeuvre_watch import FlownManoeuvre
+from wingwatch.operations.faults import CommandError
+from wingwatch.operations.plausible import checked, for_json, show_doubts
+from wingwatch.operations.progress import Progress, page, write_json
+from wingwatch.operations.surface_travel import surface_travel
 from wingwatch.telemetry import load_flight
 
 __all__ = ["check_repeats", "run_repeats"]

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from wingwatch.aircraft import Aircraft, FlightCondition, load_aircraft
-from wingwatch.cli.faults import CommandError
 from wingwatch.cli.flight_clocks import Clock, clocks_of
-from wingwatch.cli.progress import Progress
-from wingwatch.cli.surface_travel import surface_travel
 from wingwatch.monitor import AlertView, ManoeuvreView, MonitorStart, Report, VehicleMonitor
+from wingwatch.operations.faults import CommandError
+from wingwatch.operations.progress import Progress
+from wingwatch.operations.surface_travel import surface_travel
 from wingwatch.telemetry import FlightTable, SampleBlock, load_flight
 
 __all__ = ["OFFLINE", "Watched", "load", "watch"]

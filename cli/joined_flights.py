@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wingwatch.cli.faults import CommandError
+from wingwatch.operations.faults import CommandError
 from wingwatch.telemetry import FlightReport, FlightTable, SampleBlock
 
 __all__ = ["joined"]

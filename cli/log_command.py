@@ -12,11 +12,11 @@ from rich.markup import escape
 from rich.table import Table
 
 from wingwatch.aircraft import load_aircraft
-from wingwatch.cli.faults import CommandError
-from wingwatch.cli.output_files import check_output
-from wingwatch.cli.progress import page, write_json
-from wingwatch.cli.surface_travel import surface_travel
 from wingwatch.cli.usable_channels import mode_sentence, usable
+from wingwatch.operations.faults import CommandError
+from wingwatch.operations.output_files import check_output
+from wingwatch.operations.progress import page, write_json
+from wingwatch.operations.surface_travel import surface_travel
 from wingwatch.pages.whole_file import write_whole
 from wingwatch.telemetry import (
     CHANNEL_INDEX,

@@ -13,7 +13,7 @@ from importlib import import_module
 
 from wingwatch import __version__
 from wingwatch.cli.arguments import build_parser
-from wingwatch.cli.faults import say, user_error
+from wingwatch.operations.faults import say, user_error
 
 __all__ = ["main"]
 
@@ -57,7 +57,7 @@ def _run(arguments: argparse.Namespace) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     module = import_module(f"wingwatch.cli.{arguments.command.replace('-', '_')}_command")
     if "numba" in sys.modules:  # what does not load it has no use for kernels
-        from wingwatch.cli.kernel_wheel import take_or_say
+        from wingwatch.service.kernel_wheel import take_or_say
 
         take_or_say()
     code: int = module.run(arguments)

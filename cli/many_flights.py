@@ -12,8 +12,8 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 
-from wingwatch.cli.faults import CommandError, say, user_error
-from wingwatch.cli.progress import Progress
+from wingwatch.operations.faults import CommandError, say, user_error
+from wingwatch.operations.progress import Progress
 from wingwatch.telemetry.logs import is_autopilot_log
 
 __all__ = ["each_flight", "end_of_many", "flight_files", "is_many", "print_line"]

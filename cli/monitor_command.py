@@ -19,17 +19,17 @@ from wingwatch.api import (
     could_see_documents,
 )
 from wingwatch.cli.alert_texts import candidate_text, plus_minus, smallest_size_text, spaced
-from wingwatch.cli.baseline import Baseline, read_baseline
-from wingwatch.cli.convention import check_convention, in_convention
 from wingwatch.cli.flight_clocks import clocks_text, on_clock
 from wingwatch.cli.flight_watch import Watched, load, watch
 from wingwatch.cli.forgetting import forgetting_object
 from wingwatch.cli.manoeuvres import Verdicts, manoeuvres_object, show_manoeuvres
 from wingwatch.cli.many_flights import each_flight, end_of_many, flight_files, is_many, print_line
-from wingwatch.cli.plausible import checked, for_json, show_doubts
-from wingwatch.cli.progress import Progress, page, write_json
 from wingwatch.cli.unusable import refuse_unusable
 from wingwatch.monitor import MonitorStart, VehicleMemory
+from wingwatch.operations.baseline import Baseline, read_baseline
+from wingwatch.operations.convention import check_convention, in_convention
+from wingwatch.operations.plausible import checked, for_json, show_doubts
+from wingwatch.operations.progress import Progress, page, write_json
 from wingwatch.telemetry import check_name, load_map
 from wingwatch.telemetry.plausibility import Finding
 

@@ -5,11 +5,11 @@ import os
 import time
 from typing import Any
 
-from wingwatch.cli.faults import CommandError
-from wingwatch.cli.notify_settings import ChannelPlan, channel_plans
-from wingwatch.cli.progress import write_json
-from wingwatch.cli.settings import file_settings
 from wingwatch.notifications import NotDeliveredError, RefusedError, trial_notice
+from wingwatch.operations.faults import CommandError
+from wingwatch.operations.progress import write_json
+from wingwatch.service.notify_settings import ChannelPlan, channel_plans
+from wingwatch.service.settings import file_settings
 
 __all__ = ["run"]
 

@@ -8,12 +8,12 @@ from collections.abc import Callable
 import zenoh
 
 from wingwatch.aircraft import load_aircraft
-from wingwatch.cli.announced_aircraft import announced
-from wingwatch.cli.faults import say
-from wingwatch.cli.link_settings import security_of
-from wingwatch.cli.plausible import findings_of
-from wingwatch.cli.progress import Progress, write_json
-from wingwatch.cli.surface_travel import surface_travel
+from wingwatch.operations.faults import say
+from wingwatch.operations.plausible import findings_of
+from wingwatch.operations.progress import Progress, write_json
+from wingwatch.operations.surface_travel import surface_travel
+from wingwatch.service.announced_aircraft import announced
+from wingwatch.service.link_settings import security_of
 from wingwatch.telemetry import (
     AircraftMessage,
     FlightPublisher,

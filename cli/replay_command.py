@@ -10,11 +10,11 @@ from typing import Any
 
 from wingwatch import __version__
 from wingwatch.aircraft import Aircraft, parse_aircraft
-from wingwatch.cli.faults import CommandError, say
 from wingwatch.cli.fleet_display import FleetLines
-from wingwatch.cli.hangar import AircraftRegistry
-from wingwatch.cli.progress import write_json
 from wingwatch.cli.replaying import Agreement, Replay
+from wingwatch.operations.faults import CommandError, say
+from wingwatch.operations.progress import write_json
+from wingwatch.service.aircraft_registry import AircraftRegistry
 from wingwatch.telemetry import SampleBlock, write_flight
 from wingwatch.telemetry.recording.reading import Recording, open_recording
 from wingwatch.telemetry.recording.recorded_flight import recorded_samples

@@ -7,11 +7,11 @@ from itertools import count
 
 from wingwatch.aircraft import Aircraft
 from wingwatch.baselines import ChangeRecord, Envelope, EstimateRecord, Reference
-from wingwatch.cli.recorded_memory import decode_earlier_alerts, decode_envelopes, decode_memory
-from wingwatch.cli.recorder import alert_message, estimate_message
 from wingwatch.monitor import AlertView, FleetMonitor, FleetPorts, SavedVehicle, decode_checkpoint
 from wingwatch.monitor.detection.cell_memory import CellPlace
 from wingwatch.monitor.ports import ActionPlan, VehicleMemory
+from wingwatch.service.recorded_memory import decode_earlier_alerts, decode_envelopes, decode_memory
+from wingwatch.service.recorder import alert_message, estimate_message
 from wingwatch.telemetry import InboundMessage
 from wingwatch.telemetry.keys import KEY_ROOT
 from wingwatch.telemetry.protocol import recording_pb2, service_pb2

@@ -5,15 +5,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from wingwatch.cli.faults import CommandError
 from wingwatch.cli.flight_watch import load
 from wingwatch.cli.monitor_command import watched_object
-from wingwatch.cli.output_files import check_output
-from wingwatch.cli.plausible import checked, for_json, show_doubts
-from wingwatch.cli.progress import Progress, page, write_json
 from wingwatch.cli.report_page.content import FlightContent, collect
 from wingwatch.cli.report_page.outcome_sections import headline
 from wingwatch.cli.report_page.report_page import report_html
+from wingwatch.operations.faults import CommandError
+from wingwatch.operations.output_files import check_output
+from wingwatch.operations.plausible import checked, for_json, show_doubts
+from wingwatch.operations.progress import Progress, page, write_json
 from wingwatch.pages.whole_file import write_whole
 from wingwatch.telemetry.plausibility import Verdict
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from wingwatch.cli.faults import CommandError
+from wingwatch.operations.faults import CommandError
 from wingwatch.simulation import Sampled, Surface
 from wingwatch.telemetry import read_table
 

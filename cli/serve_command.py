@@ -11,12 +11,12 @@ from collections.abc import Callable
 from rich.console import Console
 
 from wingwatch.cli.ending import asked_to_end, leave
-from wingwatch.cli.faults import say
-from wingwatch.cli.logs import configure_logs
-from wingwatch.cli.progress import write_json
-from wingwatch.cli.refusals import noticed_refusals
-from wingwatch.cli.service import Service, running_service
-from wingwatch.cli.settings import serve_settings
+from wingwatch.operations.faults import say
+from wingwatch.operations.progress import write_json
+from wingwatch.service.logs import configure_logs
+from wingwatch.service.refusals import noticed_refusals
+from wingwatch.service.service import Service, running_service
+from wingwatch.service.settings import serve_settings
 
 __all__ = ["allow_open_files", "await_ready", "run", "write_address"]
 

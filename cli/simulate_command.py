@@ -12,9 +12,9 @@ from rich.markup import escape
 
 from wingwatch.aircraft import Aircraft, FlightCondition, load_aircraft
 from wingwatch.cli.asked_condition import asked_condition
-from wingwatch.cli.faults import CommandError
-from wingwatch.cli.progress import Progress, page, write_json
 from wingwatch.cli.sampled_input import sampled_input
+from wingwatch.operations.faults import CommandError
+from wingwatch.operations.progress import Progress, page, write_json
 from wingwatch.simulation import (
     FleetSimulation,
     Manoeuvre,

@@ -7,8 +7,8 @@ from typing import Any
 
 from wingwatch.baselines import Retention, open_database
 from wingwatch.baselines.upkeep import backup, check
-from wingwatch.cli.baseline import check_exists
-from wingwatch.cli.progress import write_json
+from wingwatch.operations.baseline import check_exists
+from wingwatch.operations.progress import write_json
 
 __all__ = ["run"]
 

@@ -20,9 +20,9 @@ from rich.progress import Progress as Bar
 from rich.table import Table
 
 from wingwatch.cli.ending import asked_to_end
-from wingwatch.cli.faults import CommandError, say
-from wingwatch.cli.output_files import check_output
-from wingwatch.cli.progress import page, write_json
+from wingwatch.operations.faults import CommandError, say
+from wingwatch.operations.output_files import check_output
+from wingwatch.operations.progress import page, write_json
 from wingwatch.studies import KINDS, Kind, StudyError, StudySettings, draw_plan, load_fleet, load_grid
 from wingwatch.studies.flight import FlightMaker
 from wingwatch.studies.grid import default_text

@@ -11,9 +11,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from wingwatch.cli.faults import CommandError
-from wingwatch.cli.output_files import check_output
-from wingwatch.cli.progress import Progress, page, write_json
+from wingwatch.operations.faults import CommandError
+from wingwatch.operations.output_files import check_output
+from wingwatch.operations.progress import Progress, page, write_json
 from wingwatch.studies.thesis.beyond import beyond_sections
 from wingwatch.studies.thesis.figures import FIGURES, Drawn, drawn
 from wingwatch.studies.thesis.printed import printed_pulses, printed_tables

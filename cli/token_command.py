@@ -6,9 +6,9 @@ from rich.console import Console
 from rich.table import Table
 
 from wingwatch.api.access import TokenScope
-from wingwatch.cli.faults import say
-from wingwatch.cli.progress import write_json
-from wingwatch.cli.tokens import TokenFile
+from wingwatch.operations.faults import say
+from wingwatch.operations.progress import write_json
+from wingwatch.service.tokens import TokenFile
 
 __all__ = ["run"]
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from wingwatch.cli.faults import CommandError
 from wingwatch.cli.flight_watch import Watched
+from wingwatch.operations.faults import CommandError
 
 __all__ = ["refuse_unusable"]
 

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from hatch_build import ARCHIVE
 
-from wingwatch.cli.kernel_wheel import pack_kernels
+from wingwatch.service.kernel_wheel import pack_kernels
 
 ROOT = Path(__file__).parents[1]
 
@@ -70,7 +70,9 @@ def build(folder: Path) -> Path:
         "NUMBA_CPU_FEATURES": "",  # none but those of the name
         "NUMBA_DISABLE_INTEL_SVML": "1",  # a library that another machine need not have
     }
-    subprocess.run([sys.executable, "-m", "wingwatch.cli.kernels"], cwd=folder, env=environment, check=True)
+    subprocess.run(
+        [sys.executable, "-m", "wingwatch.cli.main", "kernels"], cwd=folder, env=environment, check=True
+    )
     archive = folder / "compiled.zip"
     pack_kernels(package / "wingwatch", archive, CPU, FEATURES)
     print("[wheel] the wheel with them", flush=True)

@@ -18,6 +18,7 @@ from wingwatch.cli.arguments.flights import (
 from wingwatch.cli.arguments.links import add_bridge
 from wingwatch.cli.arguments.serving import (
     add_access,
+    add_kernels,
     add_notify,
     add_serve,
     add_store,
@@ -30,7 +31,7 @@ __all__ = ["build_parser"]
 _COMMANDS = (
     add_demo, add_serve, add_publish, add_bridge, add_replay, add_simulate, add_log, add_estimate, add_monitor,
     add_condition, add_diagnose, add_report, add_design_input, add_study, add_aircraft, add_baseline, add_token,
-    add_access, add_store, add_notify, add_thesis,
+    add_access, add_store, add_notify, add_kernels, add_thesis,
 )  # fmt: skip
 """In the order of the help."""
 
@@ -59,6 +60,7 @@ examples:
   wingwatch access uav1 uav2 --out access.json5
   wingwatch store backup data/wingwatch.db --out copy.db
   wingwatch notify test --config service.toml
+  wingwatch kernels
   wingwatch thesis --table 7.3
 
 A flight is a CSV, Parquet or MATLAB file, or an autopilot's log (PX4's .ulg, ArduPilot's .bin and .log, .tlog).

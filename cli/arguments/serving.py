@@ -123,6 +123,12 @@ def _add_serve_outputs(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_kernels(commands: Commands) -> None:
+    """``wingwatch kernels``."""
+    does = "compile the numerical kernels in advance, which a machine needs once"
+    add_command(commands, "kernels", does, "wingwatch kernels")
+
+
 def add_token(commands: Commands) -> None:
     """``wingwatch token``."""
     does = "tokens for REST and the status page, asked for by a service that others can reach"

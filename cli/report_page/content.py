@@ -9,15 +9,15 @@ import numpy as np
 
 from wingwatch.aircraft import Aircraft, ModeQuantity, mode_quantities
 from wingwatch.api import AlertDocument, CouldSeeDocument
-from wingwatch.cli.faults import CommandError
 from wingwatch.cli.flight_watch import OFFLINE, Watched, watch
 from wingwatch.cli.monitor_command import alerts_of
-from wingwatch.cli.progress import Progress
 from wingwatch.cli.report_page.course import Course
 from wingwatch.cli.unusable import refuse_unusable
 from wingwatch.diagnosis.condition_report import Conditioned, condition
 from wingwatch.diagnosis.predicted_motion import PredictedManoeuvre, predicted_motion
 from wingwatch.monitor import VehicleMonitor
+from wingwatch.operations.faults import CommandError
+from wingwatch.operations.progress import Progress
 from wingwatch.telemetry import Cleaner, FlightTable, SampleBlock
 
 __all__ = ["PATH_S", "FlightContent", "collect"]

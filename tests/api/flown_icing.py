@@ -10,10 +10,10 @@ from pathlib import Path
 from wingwatch.aircraft import load_aircraft
 from wingwatch.api import AppSettings, HttpServer, create_app, listen
 from wingwatch.baselines import open_database
-from wingwatch.cli.patient import PatientHistory
-from wingwatch.cli.patient_baselines import PatientBaselines
-from wingwatch.cli.store import DatabaseStore
 from wingwatch.monitor import FleetMonitor, FleetPorts
+from wingwatch.service.patient import PatientHistory
+from wingwatch.service.patient_baselines import PatientBaselines
+from wingwatch.service.store import DatabaseStore
 from wingwatch.simulation import demo_fleet, simulate
 from wingwatch.telemetry import PROTOBUF, AircraftMessage, SampleBlock, encode_aircraft, encode_sensors
 

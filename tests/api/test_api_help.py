@@ -10,8 +10,8 @@ from api_fakes import VERSION, FakeMonitor
 from wingwatch.api import AccessSettings, AppSettings, HttpServer, create_app, listen
 from wingwatch.api.help_files import HELP_POLICY
 from wingwatch.cli.arguments import build_parser
-from wingwatch.cli.faults import CommandError
-from wingwatch.cli.settings import serve_settings
+from wingwatch.operations.faults import CommandError
+from wingwatch.service.settings import serve_settings
 
 
 @pytest.fixture

@@ -9,8 +9,8 @@ from typing import Any
 from loopback import free_endpoint
 
 from wingwatch.api import KernelsView
-from wingwatch.cli.service import Service, running_service
-from wingwatch.cli.settings import ServeSettings
+from wingwatch.service.service import Service, running_service
+from wingwatch.service.settings import ServeSettings
 
 __all__ = ["service_in"]
 

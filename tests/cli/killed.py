@@ -17,9 +17,9 @@ from typing import IO
 
 from wingwatch.aircraft import load_aircraft
 from wingwatch.baselines import AlertRecord, open_database
-from wingwatch.cli.store import DatabaseStore
 from wingwatch.monitor import AlertAction, AlertState, AlertView, FleetMonitor, FleetPorts
 from wingwatch.monitor.ports import News
+from wingwatch.service.store import DatabaseStore
 
 
 class _Said:

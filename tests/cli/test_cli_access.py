@@ -12,8 +12,8 @@ from cli_services import service_in
 from loopback import free_port
 
 from wingwatch.cli.arguments import build_parser
-from wingwatch.cli.link_settings import PASSWORD_VARIABLE, LinkTable, link_security
-from wingwatch.cli.settings import serve_settings
+from wingwatch.service.link_settings import PASSWORD_VARIABLE, LinkTable, link_security
+from wingwatch.service.settings import serve_settings
 from wingwatch.simulation import demo_fleet, simulate
 from wingwatch.telemetry import LinkSecurity, access_rules, write_flight
 

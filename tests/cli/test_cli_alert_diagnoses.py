@@ -9,10 +9,10 @@ import pytest
 
 from wingwatch.aircraft import load_aircraft
 from wingwatch.api import DiagnosisState, DiagnosisView, QueueFullError
-from wingwatch.cli.alert_diagnoses import AlertDiagnoses, is_diagnosed
-from wingwatch.cli.alert_findings import asked_causes, finding_of
-from wingwatch.cli.diagnosis_change import ChangeRequest
 from wingwatch.monitor import AlertFinding, AlertFlight, AlertState, AlertView, CandidateView, Event
+from wingwatch.operations.diagnosis_change import ChangeRequest
+from wingwatch.service.alert_diagnoses import AlertDiagnoses, is_diagnosed
+from wingwatch.service.alert_findings import asked_causes, finding_of
 
 AEROSONDE = load_aircraft("aerosonde")
 ICING = AlertView(

@@ -23,9 +23,9 @@ from wingwatch.baselines import (
     empirical,
     open_database,
 )
-from wingwatch.cli.baseline_objects import Asked
 from wingwatch.cli.baseline_plot import surface_of
 from wingwatch.diagnosis.candidate import updated
+from wingwatch.operations.baseline_objects import Asked
 
 AEROSONDE = load_aircraft("aerosonde")
 KEY = ReferenceKey("default", "uav1", "aerosonde", "clean", "short_period")

@@ -9,9 +9,9 @@ from cli_flights import demo_block, run
 from wingwatch.aircraft import load_aircraft
 from wingwatch.baselines import BaselineLedger, CellMemory, Reference, ReferenceKey, open_database
 from wingwatch.cli.flight_watch import load, watch
-from wingwatch.cli.progress import Progress
 from wingwatch.monitor import CellPlace, MonitorStart, VehicleMemory
 from wingwatch.monitor.detection.blocks import FOURIER
+from wingwatch.operations.progress import Progress
 from wingwatch.telemetry import SampleBlock, write_flight
 
 TYPE = ["--aircraft", "aerosonde"]

@@ -23,8 +23,8 @@ from wingwatch.baselines import (
     apriori_envelope,
     open_database,
 )
-from wingwatch.cli.patient_baselines import PatientBaselines
 from wingwatch.monitor import FleetMonitor
+from wingwatch.service.patient_baselines import PatientBaselines
 
 AEROSONDE = load_aircraft("aerosonde")
 KEY = ReferenceKey("default", "uav1", "aerosonde", "clean", "short_period")

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from wingwatch.aircraft import load_aircraft
-from wingwatch.cli.checkpoints import CheckpointFolder
-from wingwatch.cli.settings import ServeSettings
 from wingwatch.monitor import JudgeConfig, SavedVehicle, VehicleMemory
 from wingwatch.monitor.fleet.monitors import MonitorMaker
 from wingwatch.monitor.vehicle.checkpoint import settings_of
+from wingwatch.service.checkpoints import CheckpointFolder
+from wingwatch.service.settings import ServeSettings
 from wingwatch.telemetry import CHANNELS, AircraftMessage, SequenceTracker
 
 GIVEN = ("time_s", "airspeed_true_m_s", "altitude_m", "angle_of_attack_rad", "pitch_rate_rad_s",

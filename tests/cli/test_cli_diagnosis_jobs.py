@@ -12,7 +12,7 @@ from cli_flights import ROOT, demo_block
 
 from wingwatch.aircraft import Aircraft, load_aircraft, parse_aircraft
 from wingwatch.api import DiagnosisState, DiagnosisView, QueueFullError
-from wingwatch.cli.diagnosis_jobs import DiagnosisJobs, JobLimits
+from wingwatch.service.diagnosis_jobs import DiagnosisJobs, JobLimits
 from wingwatch.telemetry import SampleBlock, write_flight
 
 PATIENCE_S = 60.0
@@ -53,7 +53,7 @@ def diagnose(flight, aircraft, *, kinds, validate, validate_kinds, source, progr
         raise diagnosis.DiagnosisError(f"{source}: {len(flight)} samples are too few")
     return dataclasses.replace(FOUND, source=source, notes=(str(os.nice(0)), aircraft.name))
 diagnosis.diagnose = diagnose
-from wingwatch.cli.diagnosis_worker import main
+from wingwatch.service.diagnosis_worker import main
 sys.exit(main(Path(sys.argv[1])))
 """
 
@@ -229,7 +229,7 @@ def test_the_process_ends_when_the_service_is_gone(tmp_path: Path) -> None:
     (tmp_path / "request.json").write_text('{"file": "flight"}')
     os.mkfifo(tmp_path / "flight")  # which it would read for ever
     (tmp_path / "aircraft.toml").write_text((ROOT / "aircraft" / "library" / "aerosonde.toml").read_text())
-    command = [sys.executable, "-m", "wingwatch.cli.diagnosis_worker", str(tmp_path)]
+    command = [sys.executable, "-m", "wingwatch.service.diagnosis_worker", str(tmp_path)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL) as process:
         assert process.stdin is not None
         process.stdin.close()
@@ -238,7 +238,7 @@ def test_the_process_ends_when_the_service_is_gone(tmp_path: Path) -> None:
 
 def test_the_service_itself_loads_neither_diagnosis_nor_simulation() -> None:
     program = (
-        "import sys, wingwatch.cli.service; "
+        "import sys, wingwatch.service.service; "
         "print([m for m in sys.modules if m.startswith(('wingwatch.diagnosis', 'wingwatch.simulation'))])"
     )
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

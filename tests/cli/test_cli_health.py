@@ -17,12 +17,12 @@ import pytest
 from cli_services import service_in
 
 from wingwatch.baselines import Database, DatabaseError, EstimateRecord
-from wingwatch.cli.database_probe import DatabaseProbe
-from wingwatch.cli.logs import JsonLines, TextLines, configure_logs
 from wingwatch.cli.serve_command import allow_open_files
-from wingwatch.cli.service import Service
-from wingwatch.cli.store import DatabaseStore
 from wingwatch.monitor import FleetMonitor
+from wingwatch.service.database_probe import DatabaseProbe
+from wingwatch.service.logs import JsonLines, TextLines, configure_logs
+from wingwatch.service.service import Service
+from wingwatch.service.store import DatabaseStore
 from wingwatch.telemetry import ZenohSettings, open_session, vehicle_key
 
 PATIENCE_S = 60.0
@@ -57,7 +57,7 @@ def test_messages_that_wait_too_long_are_told(service: Service, monkeypatch: pyt
         session.put(vehicle_key("default", "uav1", "sensors"), b"{}")
         until(lambda: service.counters()["messages"]["received"] == 1)
     assert problem(service, "messages") == ""  # not yet
-    monkeypatch.setattr("wingwatch.cli.health._MOST_QUEUED_S", 0.3)
+    monkeypatch.setattr("wingwatch.service.health._MOST_QUEUED_S", 0.3)
     until(lambda: "messages wait for" in problem(service, "messages"))
 
 
@@ -108,7 +108,7 @@ def test_a_write_that_hangs_is_told_after_a_minute(tmp_path: Path, monkeypatch: 
         assert store.behind_s == 0.0
         store.append_estimates([ESTIMATE])
         assert problem(service, "database") == ""
-        monkeypatch.setattr("wingwatch.cli.health._MOST_BEHIND_S", 0.5)
+        monkeypatch.setattr("wingwatch.service.health._MOST_BEHIND_S", 0.5)
         until(lambda: "to be written" in problem(service, "database"))
         answer.set()
         until(lambda: store.behind_s == 0.0)

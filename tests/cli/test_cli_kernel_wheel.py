@@ -15,9 +15,9 @@ from typing import Any
 import numba
 import pytest
 
-from wingwatch.cli import kernel_wheel
-from wingwatch.cli.kernel_wheel import ARCHIVE, MANIFEST, pack_kernels, take_kernels, take_or_say
-from wingwatch.cli.kernels import only_load
+from wingwatch.service import kernel_wheel
+from wingwatch.service.kernel_wheel import ARCHIVE, MANIFEST, pack_kernels, take_kernels, take_or_say
+from wingwatch.service.kernels import only_load
 
 CPU = "x86-64"
 KERNEL = """

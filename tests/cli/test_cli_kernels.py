@@ -17,12 +17,14 @@ import pytest
 
 from wingwatch.aircraft import library_names, load_aircraft
 from wingwatch.api import KernelState, KernelsView
-from wingwatch.cli import kernel_worker, kernels
-from wingwatch.cli.kernel_steps import AFTER_DEMO, AT_FIRST_USE, DEMO, EVERY, LIVE, STEPS, KernelStep
-from wingwatch.cli.kernels import KernelCompiler, KernelError, only_load
+from wingwatch.cli import kernels_command
+from wingwatch.cli.main import main
 from wingwatch.estimators.ekf import recursion, window
 from wingwatch.estimators.ekf.state import gust_states
 from wingwatch.monitor import VehicleMonitor
+from wingwatch.service import kernel_worker, kernels
+from wingwatch.service.kernel_steps import AFTER_DEMO, AT_FIRST_USE, DEMO, EVERY, LIVE, STEPS, KernelStep
+from wingwatch.service.kernels import KernelCompiler, KernelError, only_load
 from wingwatch.telemetry import REQUIRED_CHANNELS
 
 PATIENCE_S = 60.0
@@ -303,8 +305,8 @@ def test_the_command_compiles_everything_and_says_what_it_cannot(
 ) -> None:
     bench.answer("wings")
     bench.answer("tail", "no tail")
-    monkeypatch.setattr(kernels, "KernelCompiler", lambda *_: bench.compiler())
-    assert kernels.main() == 2
+    monkeypatch.setattr(kernels_command, "KernelCompiler", lambda *_: bench.compiler())
+    assert main(["kernels"]) == 2
     captured = capsys.readouterr()
     assert captured.err == "wingwatch: The kernels of the tail cannot be compiled: no tail\n"
     assert captured.out.splitlines()[-1].startswith("[kernels] ended after")
@@ -325,7 +327,7 @@ def test_a_full_disk_is_told_with_its_remedy(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_the_process_answers_a_step_and_ends_with_who_started_it() -> None:
     with subprocess.Popen(
-        [sys.executable, "-m", "wingwatch.cli.kernel_worker"],
+        [sys.executable, "-m", "wingwatch.service.kernel_worker"],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,

@@ -15,8 +15,8 @@ import zenoh
 from cli_services import service_in
 
 from wingwatch.baselines import open_database
-from wingwatch.cli.store import alert_record
 from wingwatch.monitor import AlertState, AlertView
+from wingwatch.service.store import alert_record
 from wingwatch.telemetry import JSON, ZenohSettings, decode_service_object, open_session
 
 ALERT = AlertView(

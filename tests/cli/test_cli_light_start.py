@@ -12,7 +12,7 @@ from alembic.script import ScriptDirectory
 
 from wingwatch.aircraft.bracketed_root import bracketed_root
 from wingwatch.baselines import Reference, ReferenceKey, connection, open_database
-from wingwatch.cli.baseline_comparison import chi_square_tail
+from wingwatch.operations.baseline_comparison import chi_square_tail
 
 SHOW = """
 import sys

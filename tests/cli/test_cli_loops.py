@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from wingwatch.cli.loops import Loop
+from wingwatch.service.loops import Loop
 
 PATIENCE_S = 60.0
 
@@ -20,7 +20,7 @@ def until(condition: Callable[[], bool]) -> None:
 
 @pytest.fixture(autouse=True)
 def no_pause(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("wingwatch.cli.loops._PAUSE_S", 0.01)
+    monkeypatch.setattr("wingwatch.service.loops._PAUSE_S", 0.01)
 
 
 def test_a_loop_that_fails_begins_again_and_says_so_for_a_minute(caplog: pytest.LogCaptureFixture) -> None:

@@ -14,12 +14,12 @@ import zenoh
 from cli_services import service_in
 from prometheus_client.parser import text_string_to_metric_families
 
-from wingwatch.cli.checkpoints import CheckpointFolder
-from wingwatch.cli.delays import DelayHistogram
-from wingwatch.cli.outputs import ZenohOutputs
-from wingwatch.cli.processor_time import STAGES, ProcessorTimes
-from wingwatch.cli.service import Service
 from wingwatch.monitor import AlertView
+from wingwatch.service.checkpoints import CheckpointFolder
+from wingwatch.service.delays import DelayHistogram
+from wingwatch.service.outputs import ZenohOutputs
+from wingwatch.service.processor_time import STAGES, ProcessorTimes
+from wingwatch.service.service import Service
 from wingwatch.telemetry import ZenohSettings, open_session, vehicle_key
 
 PATIENCE_S = 60.0

@@ -15,12 +15,12 @@ import pytest
 from cli_services import service_in
 from receivers import ICING, HttpReceiver, http_receiver, udp_receiver
 
-from wingwatch.cli.faults import CommandError
 from wingwatch.cli.main import main
-from wingwatch.cli.notify_settings import NotifyTable, channel_plans
-from wingwatch.cli.service import Service
-from wingwatch.cli.settings import file_settings
 from wingwatch.monitor import AlertAction, AlertView
+from wingwatch.operations.faults import CommandError
+from wingwatch.service.notify_settings import NotifyTable, channel_plans
+from wingwatch.service.service import Service
+from wingwatch.service.settings import file_settings
 
 SECRET = "T0KENT0KEN"
 pytestmark = pytest.mark.filterwarnings("ignore:.imghdr.:DeprecationWarning")  # apprise imports it

@@ -311,7 +311,7 @@ def test_a_baseline_that_cannot_be_used_is_told_in_one_sentence(
 
 def test_what_earlier_flights_taught_is_read_from_the_database(tmp_path: Path) -> None:
     """A stored envelope answers as the one it was stored from, and only where it stands."""
-    from wingwatch.cli.baseline import stored_envelopes
+    from wingwatch.operations.baseline import stored_envelopes
 
     aircraft = load_aircraft("aerosonde")
     envelope = apriori_envelope(aircraft, SHORT_PERIOD)

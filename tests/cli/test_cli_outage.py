@@ -19,9 +19,9 @@ from test_cli_checkpoints import saved
 
 from wingwatch.aircraft import load_aircraft
 from wingwatch.baselines import DatabaseError, open_database
-from wingwatch.cli.patient import PatientReader
-from wingwatch.cli.store import DatabaseStore, alert_record
 from wingwatch.monitor import AlertAction, AlertState, AlertView, FleetMonitor, FleetPorts
+from wingwatch.service.patient import PatientReader
+from wingwatch.service.store import DatabaseStore, alert_record
 from wingwatch.simulation import Scenario, simulate
 from wingwatch.telemetry import PROTOBUF, AircraftMessage, SampleBlock, encode_aircraft, encode_sensors
 

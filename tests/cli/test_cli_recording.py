@@ -16,11 +16,11 @@ from mcap.reader import make_reader
 from wingwatch.aircraft import STRUCTURES, load_aircraft
 from wingwatch.baselines import EstimateRecord, Reference
 from wingwatch.cli.main import main
-from wingwatch.cli.recorded_memory import decode_memory, encode_memory
-from wingwatch.cli.recorder import Recorder, RecordingLimits
 from wingwatch.cli.replaying import Replay
-from wingwatch.cli.settings import ServeSettings
 from wingwatch.monitor.ports import VehicleMemory
+from wingwatch.service.recorded_memory import decode_memory, encode_memory
+from wingwatch.service.recorder import Recorder, RecordingLimits
+from wingwatch.service.settings import ServeSettings
 from wingwatch.telemetry import (
     JSON,
     PROTOBUF,

@@ -15,7 +15,7 @@ from certificates import Authority, needs_openssl
 from cli_services import service_in
 from loopback import free_port
 
-from wingwatch.cli.refusals import Refusals, noticed_refusals
+from wingwatch.service.refusals import Refusals, noticed_refusals
 from wingwatch.telemetry import LinkSecurity, ZenohSettings, access_rules, open_session, vehicle_key
 
 PATIENCE_S = 120.0

@@ -12,9 +12,9 @@ from cli_flights import demo_block, run, without
 
 from wingwatch.aircraft import load_aircraft
 from wingwatch.cli.alert_texts import spaced
-from wingwatch.cli.progress import Progress
 from wingwatch.cli.report_page.content import collect
 from wingwatch.cli.report_page.report_page import report_html
+from wingwatch.operations.progress import Progress
 from wingwatch.pages.texts import number
 from wingwatch.telemetry import SampleBlock, load_flight, write_flight
 

@@ -15,9 +15,6 @@ from rich.console import Console
 
 from wingwatch.api import KernelsView
 from wingwatch.cli.fleet_display import FleetLines, fleet_table
-from wingwatch.cli.kernels import KernelError
-from wingwatch.cli.outputs import ZenohOutputs
-from wingwatch.cli.service import IngestLoop
 from wingwatch.monitor import (
     AlertState,
     AlertView,
@@ -30,6 +27,9 @@ from wingwatch.monitor import (
     VehicleView,
     WorstDerivative,
 )
+from wingwatch.service.kernels import KernelError
+from wingwatch.service.outputs import ZenohOutputs
+from wingwatch.service.service import IngestLoop
 from wingwatch.telemetry import InboundMessage, SensorSubscriber, decode_service_object
 
 PATIENCE_S = 60.0
@@ -329,7 +329,7 @@ def test_whether_anybody_listens_is_asked_now_and_then_and_who_comes_later_is_he
 def test_alerts_that_find_no_room_and_values_that_cannot_be_sent_are_counted(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("wingwatch.cli.outputs._MOST_ALERTS", 2)
+    monkeypatch.setattr("wingwatch.service.outputs._MOST_ALERTS", 2)
     session = Session()
     outputs = ZenohOutputs(cast(zenoh.Session, session))  # its thread does not run yet
     for _ in range(5):

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 from wingwatch.cli.arguments import build_parser
-from wingwatch.cli.faults import CommandError
-from wingwatch.cli.hangar import AircraftRegistry
-from wingwatch.cli.settings import DATABASE_VARIABLE, ServeSettings, serve_settings
+from wingwatch.operations.faults import CommandError
+from wingwatch.service.aircraft_registry import AircraftRegistry
+from wingwatch.service.settings import DATABASE_VARIABLE, ServeSettings, serve_settings
 
 LIBRARY = ("aerosonde", "aerosonde-a", "jetstream31", "twinotter", "ultrastick25e")
 

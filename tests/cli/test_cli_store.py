@@ -26,7 +26,6 @@ from wingwatch.baselines import (
     Selection,
     open_database,
 )
-from wingwatch.cli.store import DatabaseStore, alert_record, alert_view
 from wingwatch.monitor import (
     ActionPlan,
     ActionRequest,
@@ -40,6 +39,7 @@ from wingwatch.monitor import (
     VehicleMemory,
 )
 from wingwatch.monitor.detection.alerts import act
+from wingwatch.service.store import DatabaseStore, alert_record, alert_view
 
 ALERT = AlertView(
     id="a1", fleet="default", vehicle="uav1", kind="icing", cause="icing", level="warning",
@@ -297,8 +297,8 @@ def test_what_makes_no_sense_is_refused_and_holds_nothing_up(database: Database)
 def test_an_action_that_the_database_does_not_take_in_time_has_not_happened(
     database: Database, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("wingwatch.cli.action_queue._PATIENCE_S", 0.5)
-    monkeypatch.setattr("wingwatch.cli.store._RETRY_S", 0.05)
+    monkeypatch.setattr("wingwatch.service.action_queue._PATIENCE_S", 0.5)
+    monkeypatch.setattr("wingwatch.service.store._RETRY_S", 0.05)
     with DatabaseStore(database, lambda: 1000.0) as store:
         stored_alert(store)
         plan = Plan("k1")
@@ -326,7 +326,7 @@ def test_an_action_whose_reply_was_lost_is_found_and_answered(
             raise DatabaseError("the database cannot be reached")
 
     monkeypatch.setattr(Database, "save_action", without_reply)
-    monkeypatch.setattr("wingwatch.cli.store._RETRY_S", 0.01)
+    monkeypatch.setattr("wingwatch.service.store._RETRY_S", 0.01)
     with DatabaseStore(database, lambda: 1000.0) as store:
         stored_alert(store)
         plan = Plan()
@@ -346,7 +346,7 @@ def test_an_action_that_was_committed_after_its_caller_had_been_told_no_is_undon
         save(self, alert, action)
 
     monkeypatch.setattr(Database, "save_action", frozen)
-    monkeypatch.setattr("wingwatch.cli.action_queue._PATIENCE_S", 0.3)
+    monkeypatch.setattr("wingwatch.service.action_queue._PATIENCE_S", 0.3)
     with DatabaseStore(database, lambda: 1000.0) as store:
         stored_alert(store)
         plan = Plan("k1")
@@ -361,7 +361,7 @@ def test_an_action_that_was_committed_after_its_caller_had_been_told_no_is_undon
 def test_actions_that_wait_are_bounded(
     database: Database, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("wingwatch.cli.action_queue._MOST_WAITING", 0)
+    monkeypatch.setattr("wingwatch.service.action_queue._MOST_WAITING", 0)
     with (
         DatabaseStore(database, lambda: 1000.0) as store,
         pytest.raises(DatabaseError, match="too many actions"),
@@ -372,7 +372,7 @@ def test_actions_that_wait_are_bounded(
 def test_what_waits_is_bounded_and_what_is_dropped_is_counted(
     database: Database, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("wingwatch.cli.store._MOST_ESTIMATES", 3)
+    monkeypatch.setattr("wingwatch.service.store._MOST_ESTIMATES", 3)
     store = DatabaseStore(database, lambda: 0.0)  # its thread does not run yet
     store.append_estimates([replace(ESTIMATE, time_s=float(k)) for k in range(5)])
     assert store.counts["dropped_estimates"] == 2
@@ -397,7 +397,7 @@ def test_an_insert_whose_reply_was_lost_is_repeated_once_and_holds_nothing_up(
             )
 
     monkeypatch.setattr(Database, "save_alert", without_reply)
-    monkeypatch.setattr("wingwatch.cli.store._RETRY_S", 0.01)
+    monkeypatch.setattr("wingwatch.service.store._RETRY_S", 0.01)
     with DatabaseStore(database, lambda: 1000.0) as store:
         store.save_alert(ALERT)
         until(lambda: bool(lost) and store.problem is None)
@@ -419,7 +419,7 @@ def test_an_entry_that_the_database_refuses_is_given_up_and_the_others_do_not_wa
         save(self, alert)
 
     monkeypatch.setattr(Database, "save_alert", refusing)
-    monkeypatch.setattr("wingwatch.cli.store._RETRY_S", 0.01)
+    monkeypatch.setattr("wingwatch.service.store._RETRY_S", 0.01)
     with DatabaseStore(database, lambda: 1000.0) as store:
         store.save_alert(replace(ALERT, id="bad"))
         store.save_alert(ALERT)
@@ -437,7 +437,7 @@ def test_an_entry_that_the_database_refuses_is_given_up_and_the_others_do_not_wa
 def test_a_read_that_fails_is_no_empty_one_and_is_tried_again(
     database: Database, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("wingwatch.cli.store._RETRY_S", 0.01)
+    monkeypatch.setattr("wingwatch.service.store._RETRY_S", 0.01)
     load, faults = Database.load_reference, [3]
 
     def failing(self: Database, key: ReferenceKey) -> Reference | None:
@@ -462,7 +462,7 @@ def test_a_database_that_does_not_answer_holds_nobody_up(
     """As a frozen server does: neither an answer nor an error."""
     thawed = threading.Event()
     monkeypatch.setattr(Database, "load_reference", lambda *_: thawed.wait(PATIENCE_S) and None)
-    monkeypatch.setattr("wingwatch.cli.store._END_S", 0.1)
+    monkeypatch.setattr("wingwatch.service.store._END_S", 0.1)
     with DatabaseStore(database, lambda: 1000.0) as store:
         began = time.monotonic()
         for k in range(5):

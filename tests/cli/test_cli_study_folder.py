@@ -7,7 +7,7 @@ import httpx
 from api_fakes import FakeMonitor
 
 from wingwatch.api import AppSettings, HttpServer, create_app, listen
-from wingwatch.cli.study_folder import StudyFolder
+from wingwatch.operations.study_folder import StudyFolder
 from wingwatch.pages.document import document
 
 

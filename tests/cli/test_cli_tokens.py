@@ -13,9 +13,9 @@ from cli_flights import run
 from cli_services import service_in
 
 from wingwatch.api import Caller, TokenScope
-from wingwatch.cli.faults import CommandError
-from wingwatch.cli.settings import ServeSettings
-from wingwatch.cli.tokens import TokenFile, TokenRegister
+from wingwatch.operations.faults import CommandError
+from wingwatch.service.settings import ServeSettings
+from wingwatch.service.tokens import TokenFile, TokenRegister
 
 FILE = "tokens.json"
 

@@ -7,7 +7,6 @@ import pytest
 
 from wingwatch.aircraft import load_aircraft
 from wingwatch.api import DiagnosisState, DiagnosisView
-from wingwatch.cli.alert_findings import finding_of
 from wingwatch.diagnosis.candidate import Subject
 from wingwatch.diagnosis.change import Outcome, change_as_json, diagnose_change
 from wingwatch.diagnosis.change.competing import competing, reference_errors, reference_spread
@@ -15,6 +14,7 @@ from wingwatch.diagnosis.change.gaussian import Belief, Quadratic, met
 from wingwatch.diagnosis.measured import DiagnosisError
 from wingwatch.diagnosis.subject import subject_of
 from wingwatch.monitor import AlertState, AlertView
+from wingwatch.service.alert_findings import finding_of
 from wingwatch.simulation import EFFECTS, Effect, Icing, Scenario, doublet_schedule, simulate
 from wingwatch.telemetry import SampleBlock
 

@@ -10,8 +10,8 @@ import httpx
 import zenoh
 from loopback import free_endpoint
 
-from wingwatch.cli.service import Service, running_service
-from wingwatch.cli.settings import ServeSettings
+from wingwatch.service.service import Service, running_service
+from wingwatch.service.settings import ServeSettings
 from wingwatch.telemetry import (
     PROTOBUF,
     AircraftMessage,

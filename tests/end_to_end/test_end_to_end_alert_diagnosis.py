@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from wingwatch.aircraft import Aircraft, load_aircraft
-from wingwatch.cli.alert_diagnoses import AlertDiagnoses
-from wingwatch.cli.diagnosis_change import RING_CHANNELS
-from wingwatch.cli.diagnosis_jobs import DiagnosisJobs
 from wingwatch.monitor import AlertState, FleetMonitor, FleetSettings
+from wingwatch.operations.diagnosis_change import RING_CHANNELS
+from wingwatch.service.alert_diagnoses import AlertDiagnoses
+from wingwatch.service.diagnosis_jobs import DiagnosisJobs
 from wingwatch.simulation import CgShift, Scenario, doublet_schedule, simulate
 from wingwatch.telemetry import PROTOBUF, AircraftMessage, SampleBlock, encode_aircraft, encode_sensors
 

@@ -18,8 +18,8 @@ from loopback import free_endpoint
 from wingwatch.aircraft import load_aircraft
 from wingwatch.api import KernelPart, KernelState, KernelsView
 from wingwatch.cli.main import main
-from wingwatch.cli.service import Service, running_service
-from wingwatch.cli.settings import ServeSettings
+from wingwatch.service.service import Service, running_service
+from wingwatch.service.settings import ServeSettings
 from wingwatch.simulation import demo_fleet, simulate
 from wingwatch.telemetry import (
     JSON,

@@ -16,7 +16,7 @@ import pytest
 from live import COMPILE_S, fly, get, service_in, until, until_last
 from loopback import free_endpoint
 
-from wingwatch.cli.service import Service
+from wingwatch.service.service import Service
 from wingwatch.simulation import demo_fleet, simulate
 
 LONGEST_END_S = 3.0

@@ -6,7 +6,7 @@ from typing import Any
 import zenoh
 from live import fly, get, service_in, until, until_last
 
-from wingwatch.cli.service import Service
+from wingwatch.service.service import Service
 from wingwatch.simulation import demo_fleet, simulate
 from wingwatch.telemetry import (
     ServiceStream,

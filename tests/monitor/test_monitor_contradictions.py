@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from fleet_hall import Hall, fly_doublets
 
-from wingwatch.cli.diagnosis_change import RING_CHANNELS
 from wingwatch.monitor import FleetSettings, VehicleState
+from wingwatch.operations.diagnosis_change import RING_CHANNELS
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock
 
 RATES = ("roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s")

@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 from receivers import ICING, NOT_NOW, Bench, Recorder
 
-from wingwatch.cli.loops import Loop
 from wingwatch.monitor import AlertState
 from wingwatch.notifications import (
     Clocks,
@@ -21,6 +20,7 @@ from wingwatch.notifications import (
     Selection,
 )
 from wingwatch.notifications.outbox import MOST_WAITING
+from wingwatch.service.loops import Loop
 
 SECRET = "https://hooks.example/T0KEN"
 

@@ -18,7 +18,6 @@ import pytest
 from certificates import Authority, needs_openssl
 from receivers import ICING, Bench, http_receiver
 
-from wingwatch.cli.loops import Loop
 from wingwatch.notifications import (
     Channel,
     ChannelError,
@@ -33,6 +32,7 @@ from wingwatch.notifications import (
     WebhookChannel,
     WebhookSettings,
 )
+from wingwatch.service.loops import Loop
 
 SECRET = b"a secret of theirs and ours"
 

@@ -19,8 +19,8 @@ from document_blocks import BLOCKS, LANGUAGES, ROOT, Block, written_in
 from wingwatch.api import create_app
 from wingwatch.cli.arguments import build_parser
 from wingwatch.cli.main import main
-from wingwatch.cli.settings import ServeSettings
 from wingwatch.monitor.views import VehicleState
+from wingwatch.service.settings import ServeSettings
 from wingwatch.studies import load_grid
 from wingwatch.telemetry.maps import parse_map
 

@@ -24,9 +24,9 @@ import yaml
 import zenoh
 
 from wingwatch.cli.arguments import build_parser
-from wingwatch.cli.kernel_steps import LIVE
-from wingwatch.cli.kernel_steps import STEPS as STEPS_OF_KERNELS
-from wingwatch.cli.settings import serve_settings
+from wingwatch.service.kernel_steps import LIVE
+from wingwatch.service.kernel_steps import STEPS as STEPS_OF_KERNELS
+from wingwatch.service.settings import serve_settings
 from wingwatch.telemetry import ZenohSettings
 
 ROOT = Path(__file__).parents[2]

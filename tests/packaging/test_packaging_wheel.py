@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from wingwatch.cli.kernel_wheel import ARCHIVE, pack_kernels
+from wingwatch.service.kernel_wheel import ARCHIVE, pack_kernels
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = sorted(p.parent.name for p in ROOT.glob("*/__init__.py") if p.parent.name != "wingwatch")
