@@ -261,7 +261,7 @@ def test_make_test_makes_every_check() -> None:
         assert check in done.stdout
     *before, last = done.stdout.splitlines()
     assert last == ".venv/bin/pytest -n 3 --dist worksteal"
-    assert ".venv/bin/python -m wingwatch.service.kernels" in before
+    assert ".venv/bin/wingwatch kernels" in before
 
 
 def test_what_make_starts_keeps_its_byte_code() -> None:
