@@ -84,7 +84,7 @@ def flown(case: Case, seconds: float, seed: int = SEED) -> list[Estimate]:
     for solution in monitor.feed(block).solutions:
         if solution.time_s >= READ_FROM_S:
             for mode in solution.modes.values():
-                found += [mode.fourier, mode.ekf]
+                found += mode.estimates
     return found
 
 

@@ -373,9 +373,9 @@ def read(
     file = subject.file(record not in ("noise-free", "quantised"), seed)
     modes, found = last_solution(file, block).modes, {}
     for structure in STRUCTURES:
-        estimates = []
+        estimates: list[Estimate] = []
         if structure.name in modes:
-            estimates += [modes[structure.name].fourier, modes[structure.name].ekf]
+            estimates += modes[structure.name].estimates
         if whole and (parts := flight_manoeuvres(structure, flight_form(file, subject.condition), [block])):
             estimates.append(in_form(*output_error(parts), structure)[0])
         for estimate in estimates:

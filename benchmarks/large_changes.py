@@ -75,7 +75,7 @@ def said(
         for scenario, solutions in zip(scenarios, latest, strict=True):
             for structure in STRUCTURES:
                 mode = solutions[0].modes[structure.name]
-                for estimate in (mode.fourier, mode.ekf):
+                for estimate in mode.estimates:
                     try:
                         natural = truth_at(flown, (), estimate, 0.0)
                         truth = truth_at(flown, scenario.effects, estimate, now_s)

@@ -92,7 +92,7 @@ def last_estimates(
     """
     monitor = VehicleMonitor(aircraft, "default", "uav", block.present, kinds or {}, new_id=lambda: "alert")
     modes = list(monitor.feed(block).solutions)[-1].modes
-    return [e for s in STRUCTURES for e in (modes[s.name].fourier, modes[s.name].ekf)]
+    return [e for s in STRUCTURES for e in modes[s.name].estimates]
 
 
 def flight_form(

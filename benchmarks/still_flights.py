@@ -107,7 +107,7 @@ def reading(aircraft: Aircraft, estimate: Estimate, fit: Fit | None = None) -> R
 def read(aircraft: Aircraft, block: SampleBlock, structure: ModeStructure, seed: int) -> dict[str, Reading]:
     """Every estimator of one structure on one flight; ``seed``: of what the live chain's file misstates."""
     mode = last_solution(misstated(aircraft, seed), block).modes[structure.name]
-    found = {e.estimator: reading(aircraft, e) for e in (mode.fourier, mode.ekf)}
+    found = {e.estimator: reading(aircraft, e) for e in mode.estimates}
     parts = flight_manoeuvres(structure, flight_form(aircraft, cruise_of(aircraft)), [block])
     for name, solve in WHOLE.items():
         estimate, fit = in_form(*solve(parts), structure)

@@ -58,9 +58,9 @@ class HistoryWriter:
         """Take the estimates of the solutions that a piece of the flight led to."""
         for solution in report.solutions:
             for mode in solution.modes.values():
-                for estimate in (mode.fourier, mode.ekf):
+                for estimate in mode.estimates:
                     if self._estimator in (None, estimate.estimator):
-                        self._take(monitor, estimate, mode.ekf.condition, solution.time_s)
+                        self._take(monitor, estimate, mode.condition, solution.time_s)
 
     def close(self) -> None:
         """Write the file.

@@ -112,7 +112,16 @@ def _take_code(code: CodeType, digest: Any) -> None:
         if isinstance(constant, CodeType):
             _take_code(constant, digest)
         elif number or not isinstance(constant, str):  # the first one is the docstring
-            digest.update(repr(constant).encode())
+            digest.update(_written(constant).encode())
+
+
+def _written(value: Any) -> str:
+    """The same text in every process: a set of words has another order in each."""
+    if isinstance(value, (set, frozenset)):
+        return "{" + ", ".join(sorted(map(_written, value))) + "}"
+    if isinstance(value, tuple):
+        return "(" + ", ".join(map(_written, value)) + ")"
+    return repr(value)
 
 
 def _names(code: CodeType) -> Iterator[str]:
@@ -126,7 +135,7 @@ def _take_value(value: Any, found: dict[int, FunctionType], digest: Any) -> None
     inner = getattr(value, "py_func", value)
     if isinstance(inner, FunctionType) and (inner.__module__ or "").startswith(_OURS):
         options = getattr(value, "targetoptions", {})
-        digest.update(repr(sorted((name, repr(option)) for name, option in options.items())).encode())
+        digest.update(repr(sorted((name, _written(option)) for name, option in options.items())).encode())
         _gather(inner, found, digest)
     elif isinstance(value, ModuleType):
         digest.update(value.__name__.encode())

@@ -118,7 +118,7 @@ def _attached(flight: FlightTable, aircraft: Aircraft) -> SampleBlock:
 def _quantities(monitor: VehicleMonitor) -> dict[str, dict[str, Sequence[ModeQuantity]]]:
     found: dict[str, dict[str, Sequence[ModeQuantity]]] = {}
     for name, mode in monitor.chain.current(monitor.chain_state).modes.items():
-        for one in (mode.fourier, mode.ekf):
+        for one in mode.estimates:
             if np.isfinite(one.value).all():
                 values = dict(zip(one.structure.derivatives, one.value.tolist(), strict=True))
                 quantities = mode_quantities(one.structure, values, one.covariance)

@@ -98,7 +98,7 @@ class Course:
                 continue
             self._taken_s = solution.time_s
             for name, mode in solution.modes.items():
-                for estimate in (mode.fourier, mode.ekf):
+                for estimate in mode.estimates:
                     courses = self.modes.setdefault(name, {})
                     course = courses.setdefault(estimate.estimator, ModeCourse(estimate.structure))
                     course.time_s.append(solution.time_s)

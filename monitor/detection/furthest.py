@@ -38,10 +38,9 @@ class PendingWorst:
     judge: Judge
     taught: JudgeState
 
-    def estimates(self, structure: str) -> tuple[Estimate, Estimate]:
-        """Of both estimators."""
-        mode = self.solution.modes[structure]
-        return mode.fourier, mode.ekf
+    def estimates(self, structure: str) -> tuple[Estimate, ...]:
+        """Of each online estimator."""
+        return self.solution.modes[structure].estimates
 
 
 def furthest(pending: Sequence[PendingWorst]) -> list[WorstDerivative | None]:
@@ -65,7 +64,7 @@ def furthest(pending: Sequence[PendingWorst]) -> list[WorstDerivative | None]:
     return worst
 
 
-def _speaker(z: Array, estimates: tuple[Estimate, Estimate]) -> WorstDerivative | None:
+def _speaker(z: Array, estimates: Sequence[Estimate]) -> WorstDerivative | None:
     """The derivative furthest off, as the milder estimator has it; ``z``: (2, k), NaN where one does not stand."""
     size = np.where(np.isnan(z), np.inf, np.abs(z))
     milder, mildest = np.argmin(size, axis=0), np.min(size, axis=0)

@@ -213,6 +213,11 @@ class ModeSolution:
         return not self.pair.vane
 
     @property
+    def estimates(self) -> tuple[Estimate, ...]:
+        """Of each online estimator, whose name it carries."""
+        return self._both()
+
+    @property
     def fourier(self) -> Estimate:
         """The Fourier estimator's estimate."""
         return self._both()[0]
@@ -221,6 +226,11 @@ class ModeSolution:
     def ekf(self) -> Estimate:
         """The filter's."""
         return self._both()[1]
+
+    @property
+    def condition(self) -> tuple[float, float, float, float]:
+        """Airspeed in m/s, altitude in m, air density in kg/m3 and angle of attack in rad of the last sample."""
+        return self.ekf.condition
 
     @property
     def says_something(self) -> bool:

@@ -33,7 +33,7 @@ def _keep_estimates(
         if 0.0 <= since < context.settings.history_interval_s - 1e-6:
             continue
         known.history_s = solution.time_s
-        estimates: list[Estimate] = [e for m in solution.modes.values() for e in (m.fourier, m.ekf)]
+        estimates: list[Estimate] = [e for m in solution.modes.values() for e in m.estimates]
         rows += [EstimateRecord.of(*key, e, monitor.aircraft.name, monitor.configuration) for e in estimates]
     if rows:
         context.guarded(lambda: store.append_estimates(rows))

@@ -105,11 +105,12 @@ def _learned(
 ) -> Iterator[LearnedView]:
     after = flown.after.modes[structure.name]
     before = None if flown.before is None else flown.before.modes.get(structure.name)
-    for name in ("fourier", "ekf"):
-        if name == "fourier" and after.reconstructed:
+    earlier = {} if before is None else {e.estimator: e for e in before.estimates}
+    for estimate in after.estimates:
+        if after.reconstructed and estimate is after.fourier:
             continue  # without a vane the filter alone is valid
-        now = getattr(after, name).standard_error.tolist()
-        then = [None] * len(now) if before is None else getattr(before, name).standard_error.tolist()
+        name, now = estimate.estimator, estimate.standard_error.tolist()
+        then = earlier[name].standard_error.tolist() if name in earlier else [None] * len(now)
         for symbol, old, new in zip(structure.derivatives, then, now, strict=True):
             yield LearnedView(name, structure.name, symbol, old, new)
 

@@ -148,7 +148,7 @@ class VehicleReadings(ABC):
         latest = self._memory.latest
         if latest is None or not latest.modes:
             return None
-        return condition_of(next(iter(latest.modes.values())).ekf.condition, self.configuration)
+        return condition_of(next(iter(latest.modes.values())).condition, self.configuration)
 
     @property
     def unseen_surfaces(self) -> Sequence[str]:
@@ -198,7 +198,7 @@ class VehicleReadings(ABC):
         at = self.chain.current(self.chain_state) if solution is None else solution
         estimators: dict[str, dict[str, Any]] = {"fourier": {}, "ekf": {}}
         for name, mode in at.modes.items():
-            for estimate in (mode.fourier, mode.ekf):
+            for estimate in mode.estimates:
                 estimators[estimate.estimator][name] = self.mode_object(estimate)
         return {
             "time_s": at.time_s if np.isfinite(at.time_s) else None,

@@ -476,7 +476,7 @@ class VehicleMonitor(VehicleReadings):
         solution = self._memory.latest
         condition: dict[str, float] = {}
         if solution is not None and solution.modes:
-            airspeed, altitude, density, _ = next(iter(solution.modes.values())).ekf.condition
+            airspeed, altitude, density, _ = next(iter(solution.modes.values())).condition
             condition = {
                 "airspeed_true_m_s": airspeed,
                 "altitude_m": altitude,

@@ -1,6 +1,8 @@
 """What is compiled is used again as long as nothing that went into it has changed, and not a call longer."""
 
 import importlib.util
+import os
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -97,3 +99,16 @@ def test_forms_of_another_version_are_replaced(load: Load, tmp_path: Path) -> No
     kernel = load(step=3.0).twice
     assert isinstance(kernel._cache, KernelCache)
     assert len(list((tmp_path / "__pycache__").glob("*.nbc"))) <= 2
+
+
+def test_every_process_has_the_same_digest() -> None:
+    """Options are sets of words, whose order differs from process to process."""
+    asked = "from wingwatch.estimators.kernels.symmetric import cholesky as k; print(contents_of(k.by_itself.py_func).hex())"
+    command = [sys.executable, "-c", f"from wingwatch.kernels.keeping import contents_of; {asked}"]
+    said = {
+        subprocess.run(
+            command, env={**os.environ, "PYTHONHASHSEED": seed}, capture_output=True, text=True, check=True
+        ).stdout
+        for seed in ("1", "2", "3")
+    }
+    assert len(said) == 1
