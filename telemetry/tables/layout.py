@@ -69,12 +69,14 @@ def find_layout(lines: Sequence[str]) -> Layout:
     """The layout of a text by its first lines.
 
     Args:
-        lines: the first lines of the text, at least one that is not blank.
+        lines: the first lines of the text.
 
     Raises:
-        LayoutError: no table of at least two columns is found, or its names do not fit its rows.
+        LayoutError: all of them are blank, no table of at least two columns is found, or its names do not fit its rows.
     """
     found = [i for i, line in enumerate(lines[:_LINES]) if line.strip()]
+    if not found:
+        raise LayoutError(f"no table: the first {_LINES} lines are blank")
     best, score = None, 0.0
     for delimiter in (*_DELIMITERS, BLANKS):
         rows = _Rows({i: split_line(lines[i], delimiter) for i in found}, delimiter, lines)

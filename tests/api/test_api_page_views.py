@@ -95,6 +95,7 @@ def test_the_keyboard_acts_on_the_alert_that_has_the_focus(page: Page, monitor: 
     page.key("?")
     assert "shelve it for a time" in page.text("dialog[open]")
     page.key("Escape")
+    page.wait("!document.querySelector('dialog[open]')")
     page.key("j")
     assert page.ask("document.activeElement.dataset.alert") == "a1"
     page.key("s")

@@ -6,7 +6,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import scipy.io
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from wingwatch.telemetry import TableError, read_table
@@ -156,6 +156,7 @@ def test_a_missing_file_and_a_folder_are_named(tmp_path: Path) -> None:
     st.sampled_from([b"", b"PAR1", b"MATLAB 5.0 MAT-file" + b" " * 105 + b"\x00\x01IM", b"time_s,q\n1,2\n"]),
     st.binary(max_size=300),
 )
+@example(b"", b"\x85")
 def test_any_bytes_are_a_table_or_one_sentence(tmp_path: Path, start: bytes, rest: bytes) -> None:
     with suppress(TableError):
         assert len(read_table(write(tmp_path / "flight", start + rest))) > 0
