@@ -102,7 +102,7 @@ class AlertBook:
             id=self.new_id(), fleet=self.fleet, vehicle=self.vehicle, kind=cause.kind, cause=cause.name,
             level=cause.level(verdict.size), state=AlertState.ACTIVE, raised_s=time_s, cleared_s=None,
             size=verdict.size, size_standard_error=verdict.size_standard_error, probability=verdict.probability,
-            basis=basis, text=_text(cause, verdict), evidence=_evidence(judge, verdict, condition),
+            basis=basis, text=_text(cause, verdict, verdict.onset_s), evidence=_evidence(judge, verdict, condition),
         )  # fmt: skip
         return self.active
 
@@ -127,7 +127,8 @@ class AlertBook:
         self.active = replace(
             alert, kind=cause.kind, cause=cause.name, level=cause.level(verdict.size), size=verdict.size,
             size_standard_error=verdict.size_standard_error, probability=verdict.probability, note=note,
-            text=_text(cause, verdict), evidence=_evidence(judge, verdict, condition),
+            text=_text(cause, verdict, min(self.onset_s, verdict.onset_s)),
+            evidence=_evidence(judge, verdict, condition),
         )  # fmt: skip
         moved = abs(verdict.size - alert.size) > alert.size_standard_error
         return self.active if other or moved or self.active.level != alert.level else None
@@ -181,9 +182,10 @@ def _size(cause: Cause, size: float, error: float) -> str:
     return f"{100.0 * size:.0f} ± {100.0 * error:.0f} %"
 
 
-def _text(cause: Cause, verdict: Verdict) -> str:
+def _text(cause: Cause, verdict: Verdict, onset_s: float) -> str:
+    """``onset_s``: the earliest so far; the best single onset of a change that grows moves on with it."""
     what = cause.words.format(size=_size(cause, verdict.size, verdict.size_standard_error))
-    return f"{what}, since about {verdict.onset_s:.0f} s. {cause.advice}"
+    return f"{what}, since about {onset_s:.0f} s. {cause.advice}"
 
 
 def _evidence(judge: Judge, verdict: Verdict, condition: FlightCondition) -> tuple[EvidenceView, ...]:

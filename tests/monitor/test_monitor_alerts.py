@@ -1,6 +1,7 @@
 """An alert's life, on verdicts made by hand and on blocks without noise."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import count
 
 import numpy as np
@@ -169,6 +170,19 @@ def test_only_a_size_that_has_moved_or_a_new_level_is_news(life: Life) -> None:
     worse = life.hear(life.verdict(size=0.51, error=0.05))
     assert worse is not None
     assert worse.level == "critical"
+
+
+def test_a_change_that_grows_began_when_it_was_first_seen(life: Life) -> None:
+    """The likeliest single onset of ice that grows moves on with it."""
+    first = life.hear(replace(life.verdict(size=0.2), onset_s=70.0))
+    assert first is not None
+    assert "since about 70 s" in first.text
+    grown = life.hear(replace(life.verdict(size=0.4), onset_s=80.0))
+    assert grown is not None
+    assert "since about 70 s" in grown.text
+    earlier = life.hear(replace(life.verdict(size=0.6), onset_s=60.0))
+    assert earlier is not None
+    assert "since about 60 s" in earlier.text
 
 
 def test_a_dismissed_alert_is_raised_again_if_the_change_persists(life: Life) -> None:

@@ -266,7 +266,7 @@ class RedundancyBook:
         fault.settled = False
         self.state.active[k] = replace(
             alert, size=fault.size, size_standard_error=more.standard_error, level=more.hypothesis.level(fault.size),
-            text=_text(more.hypothesis, fault.size, more.standard_error, second.onsets_s[more.onset]),
+            text=_text(more.hypothesis, fault.size, more.standard_error, fault.onset_s),
         )  # fmt: skip
         return [self.state.active[k]]
 
