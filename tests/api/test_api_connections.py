@@ -126,6 +126,7 @@ def test_a_reader_that_takes_nothing_is_given_up_one_that_is_slow_is_not() -> No
     with serving(Connections(stall_s=2.0), monitor) as server, connected(server, 2, text) as (slow, stalled):
         for one in (slow, stalled):
             assert one.recv(12) == b"HTTP/1.1 200"
+        slow.settimeout(60.0)  # a busy machine may say nothing for seconds
         reader = threading.Thread(target=read_slowly, args=(slow,))
         reader.start()
         for _ in range(900):
@@ -141,4 +142,5 @@ def test_a_reader_that_takes_nothing_is_given_up_one_that_is_slow_is_not() -> No
         assert reader.is_alive()
         assert server.counts["stalled_reader"] == 1
         over.set()
+        monitor.tell("derivatives", {})
         reader.join()
