@@ -164,13 +164,13 @@ def _diagnosis() -> None:
 
 STEPS: Mapping[str, KernelStep] = {
     "fourier": KernelStep("the Fourier estimator", 58.0, _fourier),
-    "filter": KernelStep("the Kalman filter", 55.0, _filter),
+    "filter": KernelStep("the Kalman filter", 50.0, _filter),
     "calm-filter": KernelStep(
         "the Kalman filter without gusts", 28.0, partial(_filter, 0.0), after=("filter",)
     ),
-    "simulation": KernelStep("simulated flight", 26.0, _simulation),
+    "simulation": KernelStep("simulated flight", 18.0, _simulation),
     "watch": KernelStep("signals and the monitor", 34.0, _watch, after=("fourier", "filter")),
-    "whole-flights": KernelStep("estimates from whole flights", 22.0, _whole_flights),
+    "whole-flights": KernelStep("estimates from whole flights", 15.0, _whole_flights),
     "diagnosis": KernelStep("diagnosis", 26.0, _diagnosis, after=("simulation",)),
 }
 """By the name under which a process is asked for it, in the order in which they are begun."""

@@ -64,7 +64,7 @@ from wingwatch.estimators.kernels.levels import start_level
 from wingwatch.estimators.kernels.reading_noise import forget_readings
 from wingwatch.estimators.lanes import Lanes, all_lanes
 from wingwatch.estimators.signals import CONDITION_COLUMNS
-from wingwatch.kernels.decorators import entry, hot, part, sizes, whole, whole_entry
+from wingwatch.kernels.decorators import hot, lean, part, sizes, whole, whole_entry
 from wingwatch.telemetry import MAX_GAP_S
 
 __all__ = [
@@ -336,7 +336,7 @@ def _note(state, i, s, notes):  # type: ignore[no-untyped-def]
     state.moments[i] = 0.0
 
 
-@entry
+@lean
 def _run(lengths, given, state, given_rows, ends, first_time, notes, space):  # type: ignore[no-untyped-def]
     """``update_all`` in a workspace; the sizes in ``lengths`` take the place of those in the model."""
     model = Model(
