@@ -62,6 +62,7 @@ from wingwatch.aircraft.coefficients import (
 )
 from wingwatch.aircraft.condition import FlightCondition
 from wingwatch.aircraft.conventions import (
+    Affine,
     AffineForm,
     Convention,
     affine,
@@ -214,6 +215,7 @@ __all__ = [
     "lift_coefficient",
     "drag_coefficient",
     "Convention",
+    "Affine",
     "AffineForm",
     "affine",
     "convert",

@@ -39,6 +39,7 @@ from wingwatch.aircraft.structures import ModeStructure
 from wingwatch.aircraft.vocabulary import MODEL_DERIVATIVES
 
 __all__ = [
+    "Affine",
     "AffineForm",
     "Convention",
     "affine",
@@ -214,6 +215,30 @@ def _multiplier(
     return np.asarray(_by_geometry(structure, aircraft, convention) * by_condition)
 
 
+class Affine(NamedTuple):
+    """``concise = scale * coordinate + offset`` (``affine``): at one flight condition (k,), or at each of m (m, k)."""
+
+    scale: NDArray[np.float64]
+    offset: NDArray[np.float64]
+
+    def from_concise(
+        self, value: NDArray[np.float64], covariance: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """A concise value (..., k) and its covariance (..., k, k) in the coordinates."""
+        return (value - self.offset) / self.scale, covariance / self._both
+
+    def to_concise(
+        self, value: NDArray[np.float64], covariance: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Inverse of ``from_concise``: a concise value (..., k) and its covariance (..., k, k)."""
+        return self.scale * value + self.offset, covariance * self._both
+
+    @property
+    def _both(self) -> NDArray[np.float64]:
+        """Products of scales, (..., k, k)."""
+        return self.scale[..., :, None] * self.scale[..., None, :]
+
+
 class AffineForm:
     """``affine`` of one structure of one aircraft; what no condition changes is worked out once.
 
@@ -248,15 +273,15 @@ class AffineForm:
         normal = np.array([[c.normal_velocity_m_s] for c in conditions])
         return np.asarray(powers.forward * forward + powers.normal * normal)
 
-    def at(self, conditions: Sequence[FlightCondition]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Scale and offset of ``affine`` at m conditions, shape (m, k) each."""
+    def at(self, conditions: Sequence[FlightCondition]) -> Affine:
+        """``affine`` at m conditions, scale and offset of shape (m, k) each."""
         by_condition = np.array([_by_condition(c) for c in conditions])
         scale, offset = self._fixed * by_condition[:, self._place], self.kinematic(conditions)
         z_wdot = np.array([unsteady_inertia(self._aircraft, c)[0] for c in conditions])
         if not z_wdot.any():
-            return scale, offset
+            return Affine(scale, offset)
         ratio = np.where(self._heaves, self._mass_kg / (self._mass_kg - z_wdot[:, None]), 1.0)
-        return scale * ratio, offset * ratio
+        return Affine(scale * ratio, offset * ratio)
 
 
 def affine(

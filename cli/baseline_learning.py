@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.aircraft import STRUCTURES, Aircraft, FlightCondition, ModeStructure, Provenance
+from wingwatch.aircraft import STRUCTURES, Affine, Aircraft, FlightCondition, ModeStructure, Provenance
 from wingwatch.baselines import (
     Cell,
     CellMemory,
@@ -27,7 +27,7 @@ from wingwatch.cli.unusable import refuse_unusable
 from wingwatch.monitor import CellPlace, MonitorStart, Report, VehicleMemory, VehicleMonitor
 from wingwatch.monitor.detection.blocks import FOURIER, BlockView
 from wingwatch.monitor.detection.comparison import natural_size, without_bias
-from wingwatch.operations.baseline_comparison import Affine, affine_at
+from wingwatch.operations.baseline_comparison import affine_at
 from wingwatch.operations.faults import CommandError
 from wingwatch.operations.progress import Progress
 from wingwatch.telemetry import FlightTable

@@ -56,9 +56,11 @@ class _Index(IndexDataCacheFile):
             raise OSError(str(problem)) from None  # as of a file that is gone: it is compiled anew
 
     def _save_index(self, overloads: Any) -> None:
-        *_, newest = overloads
-        replaced = [key for key in overloads if key[:2] == newest[:2] and key != newest]
-        super()._save_index({key: name for key, name in overloads.items() if key not in replaced})
+        kept = overloads
+        if overloads:
+            newest = next(reversed(overloads))
+            kept = {key: name for key, name in overloads.items() if key == newest or key[:2] != newest[:2]}
+        super()._save_index(kept)
 
 
 _UNREADABLE = (
@@ -146,7 +148,7 @@ def _take_value(value: Any, found: dict[int, FunctionType], digest: Any) -> None
     elif isinstance(value, tuple):
         for part in value:
             _take_value(part, found, digest)
-    elif isinstance(value, (int, float, complex, str, bytes, bool, type(None))):
+    elif isinstance(value, (int, float, complex, str, bytes, bool, np.generic, type(None))):
         digest.update(repr(value).encode())
     else:
         digest.update(getattr(value, "__qualname__", type(value).__qualname__).encode())

@@ -18,7 +18,7 @@ Example:
 from wingwatch.monitor.detection.alert_finding import AlertFinding, Correction
 from wingwatch.monitor.detection.causes import CAUSES, Cause
 from wingwatch.monitor.detection.cell_memory import CellBook, CellPlace
-from wingwatch.monitor.detection.judge import JudgeConfig
+from wingwatch.monitor.detection.judge_state import JudgeConfig
 from wingwatch.monitor.estimation.chain import Chain, Solution
 from wingwatch.monitor.fleet.diagnoses import AlertFlight
 from wingwatch.monitor.fleet.fleet_monitor import FleetMonitor, FleetPorts

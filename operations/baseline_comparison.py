@@ -7,16 +7,15 @@ monitor itself is loaded for aircraft without geometry or mass alone: its kernel
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.aircraft import AffineForm, Aircraft, AircraftDataError, FlightCondition, ModeStructure
+from wingwatch.aircraft import Affine, AffineForm, Aircraft, AircraftDataError, FlightCondition, ModeStructure
 from wingwatch.baselines import Envelope, Expectation, OutOfEnvelope, Reference, posteriors
 from wingwatch.baselines.reference import MAX_CONDITION
 
-__all__ = ["Affine", "Distance", "Estimated", "SideBySide", "affine_at", "side_by_side"]
+__all__ = ["Distance", "Estimated", "SideBySide", "affine_at", "side_by_side"]
 
 Array = NDArray[np.float64]
 
@@ -70,25 +69,6 @@ class SideBySide:
     distance: Distance | None
 
 
-class Affine(NamedTuple):
-    """``concise = scale * coordinate + offset`` at one flight condition, (k,) each, or at several, (m, k)."""
-
-    scale: Array
-    offset: Array
-
-    def from_concise(self, value: Array, covariance: Array) -> tuple[Array, Array]:
-        """A value (..., k) and its covariance (..., k, k) in the coordinates."""
-        return (value - self.offset) / self.scale, covariance / self._both
-
-    def to_concise(self, value: Array, covariance: Array) -> tuple[Array, Array]:
-        """Inverse of ``from_concise``."""
-        return self.scale * value + self.offset, covariance * self._both
-
-    @property
-    def _both(self) -> Array:
-        return self.scale[..., :, None] * self.scale[..., None, :]
-
-
 def affine_at(structure: ModeStructure, aircraft: Aircraft, conditions: Sequence[FlightCondition]) -> Affine:
     """The coordinates in which references are kept, at m conditions (``monitor.comparison.Coordinates``)."""
     try:
@@ -99,7 +79,7 @@ def affine_at(structure: ModeStructure, aircraft: Aircraft, conditions: Sequence
         nominal = aircraft.nominal_condition
         reference = (nominal.airspeed_true_m_s, nominal.air_density_kg_m3) if nominal else (1.0, 1.0)
         return Affine(*Coordinates(structure, aircraft, reference).at_each(conditions)[:2])
-    return Affine(*form.at(conditions))
+    return form.at(conditions)
 
 
 def side_by_side(

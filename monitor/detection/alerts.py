@@ -7,7 +7,8 @@ import numpy as np
 
 from wingwatch.aircraft import FlightCondition
 from wingwatch.monitor.detection.causes import CAUSES, UNEXPLAINED, Cause
-from wingwatch.monitor.detection.judge import Judge, JudgeState, Verdict, largest_change
+from wingwatch.monitor.detection.judge import Judge, largest_change
+from wingwatch.monitor.detection.judge_state import JudgeState, Verdict
 from wingwatch.monitor.views import AlertAction, AlertState, AlertView, EvidenceView, repeats_in
 
 __all__ = ["CLEAR_BLOCKS", "AlertBook", "BookState", "act", "raised_again"]

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
-from wingwatch.aircraft import AffineForm, Aircraft, AircraftDataError, FlightCondition, ModeStructure
+from wingwatch.aircraft import Affine, AffineForm, Aircraft, AircraftDataError, FlightCondition, ModeStructure
 from wingwatch.estimators import offsets, referred_scale
 from wingwatch.estimators.kernels.symmetric import cholesky, forward
 from wingwatch.kernels.decorators import whole
@@ -67,16 +67,11 @@ class Conversion(NamedTuple):
 
     def from_concise(self, value: Array, covariance: Array) -> tuple[Array, Array]:
         """A concise value (k,) and its covariance (k, k) in these coordinates."""
-        return (value - self.offset) / self.scale, covariance / self._both
+        return Affine(self.scale, self.offset).from_concise(value, covariance)
 
     def to_concise(self, value: Array, covariance: Array) -> tuple[Array, Array]:
         """Inverse of ``from_concise``: a concise value (k,) and its covariance (k, k)."""
-        return self.scale * value + self.offset, covariance * self._both
-
-    @property
-    def _both(self) -> Array:
-        """Products of scales, (k, k)."""
-        return self.scale[..., :, None] * self.scale[..., None, :]
+        return Affine(self.scale, self.offset).to_concise(value, covariance)
 
     def of_evidence(self, information: Array, vector: Array) -> tuple[Array, Array]:
         """Information (k, k) and vector (k,) about referred (concise) derivatives, in these coordinates."""

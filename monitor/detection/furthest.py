@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from wingwatch.aircraft import ModeStructure
 from wingwatch.baselines import Envelope
 from wingwatch.estimators import Estimate, Outcome
-from wingwatch.monitor.detection.judge import Judge, JudgeState
+from wingwatch.monitor.detection.judge import Judge
+from wingwatch.monitor.detection.judge_state import JudgeState
 from wingwatch.monitor.estimation.chain import Solution, condition_of
 from wingwatch.monitor.views import WorstDerivative
 

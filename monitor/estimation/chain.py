@@ -42,8 +42,9 @@ from wingwatch.monitor.estimation.lacking_surfaces import (
     missing_beside,
     why_lacking,
 )
+from wingwatch.monitor.estimation.mode_solution import ModeSolution, Pair
 from wingwatch.monitor.estimation.solution_times import find_due
-from wingwatch.monitor.estimation.supervision import Lane, ModeSolution, Pair, PairState, Supervisor
+from wingwatch.monitor.estimation.supervision import Lane, PairState, Supervisor
 from wingwatch.monitor.state_codec import detached
 from wingwatch.telemetry import CHANNEL_INDEX, INPUT_CHANNELS, SampleBlock
 from wingwatch.telemetry.conditioning import AirQuality

@@ -7,7 +7,7 @@ from typing import Any
 
 from wingwatch.aircraft import DUTCH_ROLL, LATERAL, Aircraft, ModeStructure
 from wingwatch.baselines import Envelope, apriori_envelope
-from wingwatch.monitor.detection.judge import JudgeConfig
+from wingwatch.monitor.detection.judge_state import JudgeConfig
 from wingwatch.monitor.detection.redundancy import RedundancyWatch
 from wingwatch.monitor.estimation.chain import STRUCTURES_WATCHED, Chain
 from wingwatch.monitor.estimation.lacking_surfaces import missing_beside

@@ -9,7 +9,7 @@ from typing import Protocol
 
 from wingwatch.aircraft import Aircraft
 from wingwatch.baselines import Envelope
-from wingwatch.monitor.detection.judge import JudgeConfig
+from wingwatch.monitor.detection.judge_state import JudgeConfig
 from wingwatch.monitor.fleet.member.known_vehicle import FAULT_SHOWN_S, KnownVehicle
 from wingwatch.monitor.fleet.member.loading import loading_of
 from wingwatch.monitor.fleet.monitors import MonitorMaker

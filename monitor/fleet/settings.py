@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from wingwatch.monitor.detection.judge import JudgeConfig
+from wingwatch.monitor.detection.judge_state import JudgeConfig
 
 __all__ = ["FleetSettings"]
 

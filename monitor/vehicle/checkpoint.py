@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from wingwatch.aircraft import STRUCTURES, ModeStructure
 from wingwatch.estimators import EkfConfig, FourierConfig, SignalConfig
 from wingwatch.monitor.detection.causes import CAUSES, UNEXPLAINED, Cause
-from wingwatch.monitor.detection.judge import JudgeConfig
+from wingwatch.monitor.detection.judge_state import JudgeConfig
 from wingwatch.monitor.detection.redundancy.layout import RELATIONS
 from wingwatch.monitor.state_codec import Codec, Named, StateError
 from wingwatch.monitor.vehicle.state import MonitorState

@@ -14,7 +14,8 @@ from scipy.special import chdtri
 from wingwatch.baselines import posteriors
 from wingwatch.monitor.detection.blocks import EKF, FOURIER, BlockView
 from wingwatch.monitor.detection.comparison import bias_of, change_since, natural_size
-from wingwatch.monitor.detection.judge import Judge, JudgeState, Verdict
+from wingwatch.monitor.detection.judge import Judge
+from wingwatch.monitor.detection.judge_state import JudgeState, Verdict
 from wingwatch.monitor.estimation.chain import Solution
 from wingwatch.monitor.record_views import BlockRecord, ModeRecord
 

@@ -12,7 +12,8 @@ from wingwatch.baselines import Expectation, OutOfEnvelope, Reference
 from wingwatch.estimators import Estimate
 from wingwatch.monitor.detection.blocks import BlockView
 from wingwatch.monitor.detection.furthest import PendingWorst
-from wingwatch.monitor.detection.judge import Judge, JudgeConfig, JudgeState, Verdict
+from wingwatch.monitor.detection.judge import Judge
+from wingwatch.monitor.detection.judge_state import JudgeConfig, JudgeState, Verdict
 from wingwatch.monitor.estimation.air_watch import PendingAir
 from wingwatch.monitor.estimation.chain import Chain, ChainState, Solution, condition_of
 from wingwatch.monitor.estimation.lacking_surfaces import derivatives_by

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-from wingwatch.monitor.detection.judge import JudgeConfig
+from wingwatch.monitor.detection.judge_state import JudgeConfig
 from wingwatch.monitor.detection.redundancy import RedundancyWatch
 from wingwatch.monitor.estimation.chain import Chain, Solution
 from wingwatch.monitor.ports import VehicleMemory

@@ -10,13 +10,13 @@ from wingwatch.estimators import BlockEvidence, Validity
 from wingwatch.monitor.detection.alerts import BookState
 from wingwatch.monitor.detection.blocks import BlockView
 from wingwatch.monitor.detection.cell_memory import CellBookState
-from wingwatch.monitor.detection.judge import JudgeState, Verdict
+from wingwatch.monitor.detection.judge_state import JudgeState, Verdict
 from wingwatch.monitor.detection.redundancy import RedundancyBookState, RedundancyState
 from wingwatch.monitor.detection.surfaces_seen import SurfacesSeen
 from wingwatch.monitor.detection.vehicle_alerts import AlertMemory
 from wingwatch.monitor.estimation.chain import Chain, SavedChain, Solution
 from wingwatch.monitor.estimation.flight_regime import RegimeState
-from wingwatch.monitor.estimation.supervision import ModeSolution
+from wingwatch.monitor.estimation.mode_solution import ModeSolution
 from wingwatch.monitor.positions import Position
 from wingwatch.monitor.state_codec import NOT_SAVED
 from wingwatch.monitor.views import VehicleState

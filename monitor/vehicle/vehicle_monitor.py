@@ -30,8 +30,8 @@ from wingwatch.monitor.estimation.chain import (
     nominal_condition,
 )
 from wingwatch.monitor.estimation.flight_regime import FlightRegime
+from wingwatch.monitor.estimation.mode_solution import COMPARED_SO, NO_VANE, ModeSolution
 from wingwatch.monitor.estimation.solution_times import SOLUTION_INTERVAL_S
-from wingwatch.monitor.estimation.supervision import COMPARED_SO, NO_VANE, ModeSolution
 from wingwatch.monitor.ports import VehicleMemory
 from wingwatch.monitor.positions import position_of
 from wingwatch.monitor.state_codec import detached

@@ -14,6 +14,7 @@ import pytest
 from wingwatch.kernels.keeping import KernelCache, contents_of
 
 CALLEE = """
+import numpy as np
 from wingwatch.kernels.decorators import helper
 
 STEP = {step}
@@ -40,7 +41,7 @@ Load = Callable[..., ModuleType]
 def load(tmp_path: Path) -> Iterator[Load]:
     """Two modules of one folder, as they are after an update of the first."""
 
-    def loaded(step: float = 1.0, first: float = 0.0, words: str = "Grown.") -> ModuleType:
+    def loaded(step: float | str = 1.0, first: float = 0.0, words: str = "Grown.") -> ModuleType:
         module = ModuleType("nothing")
         texts = {"callee": CALLEE.format(step=step, first=first, words=words), "caller": CALLER}
         for name, text in texts.items():
@@ -67,6 +68,8 @@ def test_what_a_kernel_calls_and_names_is_part_of_it(load: Load) -> None:
     first = contents_of(load().twice.py_func)
     assert contents_of(load(words="Said otherwise.").twice.py_func) == first
     assert contents_of(load(step=2.0).twice.py_func) != first
+    numpys = [contents_of(load(step=f"np.int64({n})").twice.py_func) for n in (1, 2)]
+    assert numpys[0] != numpys[1]
     assert contents_of(load(first=1.0).twice.py_func) != first
 
 
@@ -99,6 +102,15 @@ def test_forms_of_another_version_are_replaced(load: Load, tmp_path: Path) -> No
     kernel = load(step=3.0).twice
     assert isinstance(kernel._cache, KernelCache)
     assert len(list((tmp_path / "__pycache__").glob("*.nbc"))) <= 2
+
+
+def test_a_cache_that_is_emptied_is_filled_again(load: Load) -> None:
+    kernel = load().twice
+    kernel(1.0)
+    kernel._cache.flush()
+    again = load().twice
+    assert again(1.0) == 4.0
+    assert sum(again.stats.cache_misses.values()) == 1
 
 
 def test_every_process_has_the_same_digest() -> None:

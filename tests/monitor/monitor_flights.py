@@ -7,7 +7,7 @@ import numpy as np
 
 from wingwatch.aircraft import Aircraft, ModeStructure
 from wingwatch.monitor import VehicleMonitor
-from wingwatch.monitor.estimation.supervision import ModeSolution
+from wingwatch.monitor.estimation.mode_solution import ModeSolution
 from wingwatch.telemetry import SampleBlock
 
 

@@ -14,7 +14,8 @@ from wingwatch.monitor.detection.alerts import CLEAR_BLOCKS, AlertBook, act
 from wingwatch.monitor.detection.blocks import BlockView, Evidence, ModeBlock
 from wingwatch.monitor.detection.causes import CAUSES, UNEXPLAINED, Cause
 from wingwatch.monitor.detection.comparison import Change, Coordinates, change_since
-from wingwatch.monitor.detection.judge import Judge, JudgeState, Verdict
+from wingwatch.monitor.detection.judge import Judge
+from wingwatch.monitor.detection.judge_state import JudgeState, Verdict
 
 AIRCRAFT = load_aircraft("aerosonde")
 CONDITION = FlightCondition(25.0, 1000.0, angle_of_attack_rad=0.05)

@@ -16,10 +16,10 @@ from wingwatch.estimators import EkfEstimator
 from wingwatch.monitor import Report, VehicleMonitor
 from wingwatch.monitor.detection.alerts import AlertBook, BookState
 from wingwatch.monitor.detection.cell_memory import CellBook, CellBookState
-from wingwatch.monitor.detection.judge import JudgeConfig
+from wingwatch.monitor.detection.judge_state import JudgeConfig
 from wingwatch.monitor.detection.redundancy import RedundancyWatch, VehicleRelations
 from wingwatch.monitor.estimation.chain import ChainState, SavedChain
-from wingwatch.monitor.estimation.supervision import ModeSolution
+from wingwatch.monitor.estimation.mode_solution import ModeSolution
 from wingwatch.monitor.fleet.monitors import MonitorMaker
 from wingwatch.monitor.fleet.together import feed_together
 from wingwatch.monitor.ports import VehicleMemory

@@ -11,7 +11,7 @@ from wingwatch.aircraft import (
     load_aircraft,
     trimmed,
 )
-from wingwatch.monitor.estimation.supervision import ModeSolution
+from wingwatch.monitor.estimation.mode_solution import ModeSolution
 from wingwatch.simulation import Scenario, doublet_schedule, simulate
 from wingwatch.telemetry import SampleBlock
 

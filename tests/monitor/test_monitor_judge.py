@@ -10,7 +10,8 @@ from wingwatch.baselines import Expectation, apriori_envelope
 from wingwatch.monitor.detection.blocks import EKF, FOURIER, BlockView, Evidence, ModeBlock
 from wingwatch.monitor.detection.causes import CAUSES
 from wingwatch.monitor.detection.comparison import Coordinates, informative_part
-from wingwatch.monitor.detection.judge import Judge, JudgeState, Verdict, _anything
+from wingwatch.monitor.detection.judge import Judge, _anything
+from wingwatch.monitor.detection.judge_state import JudgeState, Verdict
 
 AIRCRAFT = load_aircraft("aerosonde")
 CONDITION = FlightCondition(25.0, 1000.0, angle_of_attack_rad=0.05)

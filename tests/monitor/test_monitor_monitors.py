@@ -6,7 +6,7 @@ from dataclasses import replace
 from wingwatch.aircraft import SHORT_PERIOD, load_aircraft
 from wingwatch.baselines import Envelope, apriori_envelope
 from wingwatch.monitor import VehicleMonitor
-from wingwatch.monitor.detection.judge import JudgeConfig
+from wingwatch.monitor.detection.judge_state import JudgeConfig
 from wingwatch.monitor.fleet.monitors import MonitorMaker
 from wingwatch.monitor.ports import VehicleMemory
 from wingwatch.simulation import FleetSimulation, Scenario, doublet_schedule

@@ -12,7 +12,7 @@ from wingwatch.aircraft import (
     trimmed,
 )
 from wingwatch.aircraft.aircraft_file import Actuators
-from wingwatch.monitor.estimation.supervision import ModeSolution
+from wingwatch.monitor.estimation.mode_solution import ModeSolution
 from wingwatch.simulation import Scenario, doublet_schedule, simulate
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock
 

@@ -11,7 +11,7 @@ from monitor_flights import bits, pieces
 from wingwatch.estimators import EkfState
 from wingwatch.estimators.ekf.accepted import go_back
 from wingwatch.monitor import Report, VehicleMonitor
-from wingwatch.monitor.detection.judge import JudgeConfig
+from wingwatch.monitor.detection.judge_state import JudgeConfig
 from wingwatch.monitor.fleet.monitors import MonitorMaker
 from wingwatch.monitor.fleet.together import feed_together
 from wingwatch.monitor.ports import VehicleMemory
