@@ -164,7 +164,7 @@ def monitors_of(aircraft: Aircraft, given: Sequence[SampleBlock]) -> list[Vehicl
             aircraft, "benchmark", "one", present, kinds, new_id=numbers.__next__, start=start
         )
         monitors.append(monitor)
-        start = MonitorStart(chain=monitor.chain)
+        start = MonitorStart(chain=monitor.chain, relations=monitor.relations)
     return monitors
 
 
