@@ -3,6 +3,7 @@
 import argparse
 import threading
 from contextlib import ExitStack
+from functools import partial
 
 from rich.console import Console
 from rich.live import Live
@@ -36,17 +37,18 @@ def run(arguments: argparse.Namespace) -> int:
         diagnose_alerts=arguments.diagnose_alerts,
     )
     with asked_to_end() as end:
-        fleet: SimulatedFleet | None = None
+        kernels = KernelCompiler(DEMO, AFTER_DEMO)
         with ExitStack() as stack:
-            service = stack.enter_context(
-                running_service(settings, preparation=KernelCompiler(DEMO, AFTER_DEMO), fresh=True)
-            )
+            service = stack.enter_context(running_service(settings, preparation=kernels, fresh=True))
             write_address(service, arguments.json)
+            # It flies while the service still compiles: nothing that it sends meanwhile is lost.
+            simulated = partial(kernels.wait_for, "simulation")
+            fleet = SimulatedFleet(demo_fleet(), service.endpoints[0], await_kernels=simulated)
+            stack.enter_context(fleet)
             if await_ready(service, end):
-                fleet = stack.enter_context(SimulatedFleet(demo_fleet(), service.endpoints[0]))
                 _watch(service, fleet, end, quiet=arguments.json)
             say("ending")
-        return leave(0, service.ingest.loop.alive or (fleet is not None and fleet.alive))
+        return leave(0, service.ingest.loop.alive or fleet.alive)
 
 
 def _watch(service: Service, fleet: SimulatedFleet, end: threading.Event, quiet: bool) -> None:

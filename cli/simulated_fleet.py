@@ -32,6 +32,7 @@ _SAMPLES_A_MESSAGE = 5
 _AT_ONCE = 1e9  # rate of a message whose moment has come: the pace is kept here, for all vehicles together
 _LATEST_S = 1.0
 _STOP_S = 1.0
+_LOOK_S = 0.2
 _APART_NORTH_M, _APART_EAST_M = 250.0, 400.0
 _PLACE = [CHANNEL_INDEX["latitude_deg"], CHANNEL_INDEX["longitude_deg"]]
 
@@ -48,6 +49,8 @@ class SimulatedFleet:
         rate_hz: samples a second.
         speed: 1 is real time.
         clock: monotonic seconds.
+        await_kernels: waits at most that many seconds for the simulation's kernels; whether they are there. Without,
+            this process compiles those that are missing.
 
     Attributes:
         problem: why the fleet no longer flies; None while it does.
@@ -55,13 +58,14 @@ class SimulatedFleet:
 
     def __init__(
         self, scenarios: Sequence[Scenario], endpoint: str, rate_hz: float = 50.0, speed: float = 1.0,
-        clock: Callable[[], float] = time.monotonic,
+        clock: Callable[[], float] = time.monotonic, await_kernels: Callable[[float], bool] | None = None,
     ) -> None:  # fmt: skip
         self._scenarios = tuple(scenarios)
         self._endpoint = endpoint
         self._rate_hz = rate_hz
         self._speed = speed
         self._clock = clock
+        self._await_kernels = await_kernels
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._run, name="wingwatch-simulated-fleet", daemon=True)
         self.problem: str | None = None
@@ -80,6 +84,9 @@ class SimulatedFleet:
         return self._thread.is_alive()
 
     def _run(self) -> None:
+        while self._await_kernels is not None and not self._await_kernels(_LOOK_S):
+            if self._end.is_set():
+                return
         try:
             simulation = FleetSimulation(self._scenarios, self._rate_hz)
             simulation.step(0)  # compiles before the first moment is due

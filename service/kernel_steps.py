@@ -178,8 +178,9 @@ STEPS: Mapping[str, KernelStep] = {
 LIVE: Sequence[str] = ("fourier", "filter", "calm-filter", "watch")
 """Without these no sample is taken in."""
 
-DEMO: Sequence[str] = ("fourier", "filter", "simulation", "watch")
-"""What the simulated fleet needs: its aircraft state their span, so each filter has gusts."""
+DEMO: Sequence[str] = ("simulation", "fourier", "filter", "watch")
+"""What the simulated fleet needs: its aircraft state their span, so each filter has gusts. It flies once the first of
+them is compiled; its messages wait for the others."""
 
 AT_FIRST_USE: Sequence[str] = ("simulation", "whole-flights", "diagnosis")
 """For files: these can wait."""

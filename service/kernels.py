@@ -91,7 +91,7 @@ class KernelCompiler:
         with only_load() as missing:
             self._load()
         if not missing:
-            self._loaded = True
+            self._note_loaded()
             return True
         self.start()
         with self._changed:
@@ -101,7 +101,7 @@ class KernelCompiler:
         if self._failed is not None:
             raise KernelError(self._failed)
         self._load()
-        self._loaded = True
+        self._note_loaded()
         return True
 
     def start(self) -> None:
@@ -116,6 +116,13 @@ class KernelCompiler:
         """Wait until every step has been tried, or one of the first has failed; whether that is so."""
         with self._changed:
             return self._changed.wait_for(lambda: self._is_over, timeout_s)
+
+    def wait_for(self, name: str, timeout_s: float) -> bool:
+        """Wait until a step's kernels are there to be loaded; whether they are."""
+        with self._changed:
+            return self._changed.wait_for(
+                lambda: self._loaded or self._state[name] is KernelState.COMPILED, timeout_s
+            )
 
     def stop(self) -> None:
         """End every process; what they are compiling is lost, what they have compiled is kept."""
@@ -186,6 +193,11 @@ class KernelCompiler:
     def _load(self) -> None:
         for name in self._first:
             STEPS[name].run()
+
+    def _note_loaded(self) -> None:
+        with self._changed:
+            self._loaded = True
+            self._changed.notify_all()
 
     @property
     def _failed(self) -> str | None:
