@@ -18,11 +18,12 @@ _CALM_S = 1.0
 """Where no message waits longer, there is room for a vehicle that was left out."""
 
 _SOON_S = 20.0
-"""Time in which messages that are late are to be in time again; as they wait less and less, they will be."""
+"""Time in which messages that are late are to be in time again, where they have not waited longer: what waited for a
+start or through a pause of the machine is caught up with in less time than it waited, or there is too much."""
 
 _LOOKS = 5
-"""Looks in a row, none before the last change, by which it is said whether there is too much to compute: a pause of the
-machine is no overload, nor is what comes once in a while and passes."""
+"""Looks in a row at messages that are late, none before the last change, by which it is said whether there is too much
+to compute: a pause of the machine is no overload, nor is what comes once in a while and passes."""
 
 _AT_ONCE = 20
 """One vehicle in so many is left out at once, but at least one, and half of what is too much; taken back is one in so
@@ -78,10 +79,10 @@ class Overload:
         """Seconds that messages wait longer, a second: the part of what comes that is too much, where all is computed
         in turn. None where they are in time, or will be soon."""
         waits_s = [wait_s for _, wait_s in self._looks]
-        if len(waits_s) < _LOOKS or min(waits_s[1 - _LOOKS :]) <= LATE_S:
+        if len(waits_s) < _LOOKS or min(waits_s) <= LATE_S:
             return None
         growth = (waits_s[-1] - waits_s[0]) / (self._looks[-1][0] - self._looks[0][0])
-        return growth if waits_s[-1] - LATE_S > -growth * _SOON_S else None
+        return growth if waits_s[-1] - LATE_S > -growth * max(_SOON_S, waits_s[-1]) else None
 
     def _leave_out(self, now_s: float, order: Sequence[VehicleKey], too_much: float) -> list[VehicleKey]:
         if now_s - self._returned_s < _FORGIVEN_S:

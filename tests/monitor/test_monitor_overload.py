@@ -75,6 +75,24 @@ def test_a_machine_at_its_limit_watches_what_it_can() -> None:
     assert late < 0.02 * 7200
 
 
+@pytest.mark.parametrize("waited_s", [30.0, 300.0, 1000.0])
+def test_what_waited_for_the_start_is_caught_up_with(waited_s: float) -> None:
+    machine = Machine(3, 9.0)  # a second of messages takes a third of one
+    machine.run(3)
+    machine.lags_s = dict.fromkeys(machine.lags_s, waited_s)
+    machine.run(int(waited_s))
+    assert machine.overload.left_out == []
+    assert max(machine.lags_s.values()) < LATE_S
+
+
+def test_what_cannot_be_caught_up_with_is_too_much() -> None:
+    machine = Machine(100, 120.0)
+    machine.run(3)
+    machine.lags_s = dict.fromkeys(machine.lags_s, 300.0)
+    machine.run(10)
+    assert machine.overload.left_out
+
+
 def test_they_are_taken_back_last_out_first_in() -> None:
     machine = Machine(300, 250.0)
     machine.run(30)
