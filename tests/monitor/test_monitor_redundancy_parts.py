@@ -7,11 +7,12 @@ import pytest
 from redundancy_flights import AEROSONDE, flown, monitor_of
 
 from wingwatch.aircraft import load_aircraft, propulsion_thrust_n
-from wingwatch.monitor.detection.redundancy.evidence import Changes, Reference, changes_since, closed, merged
+from wingwatch.monitor.detection.redundancy.evidence import Changes, Reference, changes_since
 from wingwatch.monitor.detection.redundancy.hypotheses import HYPOTHESES, USED_BY
 from wingwatch.monitor.detection.redundancy.layout import (
     COLUMNS,
     FLOORS,
+    FLOW,
     PITCH,
     RELATIONS,
     ROWS,
@@ -25,6 +26,7 @@ from wingwatch.monitor.detection.redundancy.samples import (
     take_samples,
     thrust_n,
 )
+from wingwatch.monitor.detection.redundancy.segments import MOST_SEGMENTS, Segments
 from wingwatch.monitor.detection.redundancy.sequential import rank
 from wingwatch.monitor.detection.redundancy.set_up import model_of
 from wingwatch.telemetry import CHANNEL_INDEX, CHANNELS
@@ -44,21 +46,22 @@ def test_compiled_thrust_is_that_of_the_aircraft_file(name: str) -> None:
         )
 
 
-def _segments(values: np.ndarray) -> list:  # type: ignore[type-arg]
-    """Closed segments of a flight, nothing forced."""
+def _segments(values: np.ndarray) -> tuple[Reference, Segments]:
+    """The last segments of a flight, nothing forced, and what is known from before."""
     monitor, block = monitor_of(values)
     model = monitor.relations.model
     memory, segment = new_memory(np.array([RELATIONS[i].drift for i in ROWS])), new_segment()
-    found, first, rows = [], 0, np.ascontiguousarray(block.values)
+    reference, found, first, rows = Reference(), Segments(), 0, np.ascontiguousarray(block.values)
     while first < len(rows):
         first = take_samples(rows, first, model, memory, segment, np.full(N, np.inf))
         if first < len(rows):
-            found.append(closed(segment, float(memory.clock[START_S]), 1.0))
+            if len(found) == MOST_SEGMENTS:
+                reference.absorb(found, np.ones(len(ROWS), dtype=np.bool_), np.ones(len(FLOW)))
+            found.close(segment, memory, float(memory.clock[START_S]), 1.0)
+            found.keep()
             memory.clock[START_S] = memory.clock[END_S]
             memory.clock[END_S] += 1.0
-            segment = new_segment()
-            segment.start[:] = memory.effect
-    return found
+    return reference, found
 
 
 @pytest.mark.parametrize(("parameter", "channel", "size"), [
@@ -68,19 +71,21 @@ def test_the_evidence_of_a_change_gives_its_size(parameter: str, channel: str, s
     """One parameter alone, from the onset on: y over K, without a simulation's or a test's help."""
     faulty = flown(seconds=30.0).copy()
     faulty[20 * 50 :, CHANNEL_INDEX[channel]] += size
-    segments, column = _segments(faulty), parameter_index(PITCH, parameter)
-    onset = next(k for k, s in enumerate(segments) if s.start_s >= 20.0 - 1e-9)
-    changes = changes_since(Reference(), segments, onset, onset)
+    (reference, segments), column = _segments(faulty), parameter_index(PITCH, parameter)
+    onset = int(np.flatnonzero(segments.starts_s >= 20.0 - 1e-9)[0])
+    changes = changes_since(reference, segments, onset, onset)
     weight = changes.information[0, PITCH, column, column] / changes.variance[0, PITCH]
     found = changes.vector[0, PITCH, column] / changes.information[0, PITCH, column, column]
     assert found == pytest.approx(size, abs=5.0 / np.sqrt(weight) + 0.05 * size)
 
 
 def test_segments_that_are_joined_say_the_same() -> None:
-    segments = _segments(flown(seconds=20.0, turbulence="light"))
-    apart = changes_since(Reference(), segments, 4, 4)
-    joined = [*segments[:4], merged(merged(segments[4], segments[5]), segments[6]), *segments[7:]]
-    together = changes_since(Reference(), joined, 4, 4)
+    reference, segments = _segments(flown(seconds=20.0, turbulence="light"))
+    apart = changes_since(reference, segments, 4, 4)
+    segments.join(4)
+    segments.join(4)
+    together = changes_since(reference, segments, 4, 4)
+    assert (len(segments), segments.seconds[4]) == (10, 3.0)
     for one, other in zip(apart, together, strict=True):
         assert one == pytest.approx(other, rel=1e-8, abs=1e-6)
 

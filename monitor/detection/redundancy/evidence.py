@@ -11,8 +11,7 @@ sums before and since,
 with L_0, g_0 those before the onset. All are in units of the relation's own variance, as the flight has shown it.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -22,18 +21,22 @@ from wingwatch.monitor.detection.redundancy.layout import (
     COLUMNS,
     FLOW,
     GUSTY,
+    PARAMETERS_OF_ROW,
     PRIOR_INFORMATION,
     RELATIONS,
     ROWS,
 )
-from wingwatch.monitor.detection.redundancy.likelihood import changes, scores
-from wingwatch.monitor.detection.redundancy.samples import Segment
+from wingwatch.monitor.detection.redundancy.likelihood import changes, constant_part, scores
+from wingwatch.monitor.detection.redundancy.samples import SAMPLES
+from wingwatch.monitor.detection.redundancy.segments import EXCESS, KNOWN_PAIRS, Segments
 
-__all__ = ["Changes", "Closed", "Reference", "changes_since", "closed", "merged", "scored"]
+__all__ = ["Changes", "Reference", "changes_since", "scored"]
 
 Array = NDArray[np.float64]
 
 _N, _ROWS = len(RELATIONS), len(ROWS)
+_AS_IT_IS = [*range(_N), *GUSTY]
+"""Row of each row's relation in the air as it is."""
 FADING_S = 120.0
 """The constant part of parameters is known from about so long."""
 VARIANCE_S = 60.0
@@ -48,59 +51,20 @@ LEAST_VARIANCE = 0.5
 """A relation's variance is at least so much of the stated one: no model of readings and their sampling is better."""
 
 
-@dataclass(frozen=True, slots=True)
-class Closed:
-    """One segment that is over, or several that follow one another.
-
-    Attributes:
-        start_s: stamp at which it starts; seconds: how long it is.
-        information, vector, start: as in ``Segment``.
-        samples, square, products, decay, log_s: (rows,): samples; sum of e2/S; of products of e/S^(1/2) with the one
-            before; f at the end; sum of ln S.
-        excess: (rows,), Q of (4) by what was known before it.
-    """
-
-    start_s: float
-    seconds: float
-    information: Array
-    vector: Array
-    start: Array
-    samples: Array
-    square: Array
-    products: Array
-    decay: Array
-    log_s: Array
-    excess: Array
-
-    def forget(self, row: int) -> None:
-        """It says nothing of a row any more."""
-        for part in (
-            self.information,
-            self.vector,
-            self.start,
-            self.samples,
-            self.square,
-            self.products,
-            self.log_s,
-            self.excess,
-        ):
-            part[row] = 0.0
-        self.decay[row] = 0.0
-
-
 @dataclass(slots=True)
 class Reference:
     """What is known of each row from before the segments that are remembered; fades.
 
     Attributes:
-        information, vector: of the constant part, in units of e's own variance.
+        information, vector: of the constant part, in units of e's own variance, (rows, KNOWN_PAIRS) and (rows,
+            COLUMNS).
         samples, excess: of the variance.
         scatter: mean square of segments' scores over what (3) states.
         air_s, air: seconds of it, and the sum of log drift times seconds of the relations that tell how rough the air
             is.
     """
 
-    information: Array = field(default_factory=lambda: np.zeros((_ROWS, COLUMNS, COLUMNS)))
+    information: Array = field(default_factory=lambda: np.zeros((_ROWS, KNOWN_PAIRS)))
     vector: Array = field(default_factory=lambda: np.zeros((_ROWS, COLUMNS)))
     samples: Array = field(default_factory=lambda: np.zeros(_ROWS))
     excess: Array = field(default_factory=lambda: np.zeros(_ROWS))
@@ -111,8 +75,8 @@ class Reference:
     def parameters(self, variance: Array) -> Array:
         """The constant part as it is known, (rows, COLUMNS); ``variance`` of e2/S, a ratio."""
         scale = 1.0 / (variance * self.scatter)
-        known = PRIOR_INFORMATION[..., None] * np.eye(COLUMNS) + self.information * scale[:, None, None]
-        return np.asarray(np.linalg.solve(known, (self.vector * scale[:, None])[..., None])[..., 0])
+        found = constant_part(PRIOR_INFORMATION, PARAMETERS_OF_ROW, self.information, self.vector, scale)
+        return np.asarray(found)
 
     def forget(self, row: int) -> None:
         """Nothing is known of a row but its variance and scatter."""
@@ -125,20 +89,21 @@ class Reference:
         apart = float(np.max(np.abs(np.log(drift) - self.air / self.air_s))) ** 2
         return apart / (apart + OTHER_AIR**2)
 
-    def absorb(self, segment: Closed, which: NDArray[np.bool_], drift: Array) -> None:
-        """Add a segment of the rows ``which``, shape (rows,), in air of these drifts, and forget a little of what was
-        before. A segment states its length in seconds."""
-        fading = np.exp(-segment.seconds / FADING_S)
-        self.air_s = fading * self.air_s + segment.seconds
-        self.air = fading * self.air + segment.seconds * np.log(drift)
-        forgetting = np.exp(-segment.seconds / VARIANCE_S)
-        w, v = which[:, None, None], which[:, None]
-        self.information = np.where(
-            w, fading * self.information + segment.information[:, :COLUMNS, :COLUMNS], self.information
-        )
-        self.vector = np.where(v, fading * self.vector + segment.vector[:, :COLUMNS], self.vector)
-        self.samples = np.where(which, forgetting * self.samples + segment.samples, self.samples)
-        self.excess = np.where(which, forgetting * self.excess + segment.excess, self.excess)
+    def absorb(self, segments: Segments, which: NDArray[np.bool_], drift: Array) -> None:
+        """Take over the oldest segment, some seconds, of the rows ``which``, shape (rows,), in air of these drifts, and
+        forget a little of what was before."""
+        seconds = float(segments.seconds[0])
+        fading, forgetting = np.exp(-seconds / FADING_S), np.exp(-seconds / VARIANCE_S)
+        self.air_s = fading * self.air_s + seconds
+        self.air = fading * self.air + seconds * np.log(drift)
+        for known, kept, news in (
+            (self.information, fading, segments.information[0, :, :KNOWN_PAIRS]),
+            (self.vector, fading, segments.vector[0, :, :COLUMNS]),
+            (self.samples, forgetting, segments.scalar[0, :, SAMPLES]),
+            (self.excess, forgetting, segments.scalar[0, :, EXCESS]),
+        ):
+            known[which] = kept * known[which] + news[which]
+        segments.drop(0)
 
 
 class Changes(NamedTuple):
@@ -157,74 +122,46 @@ class Changes(NamedTuple):
     at_rest: Array
 
 
-def closed(segment: Segment, start_s: float, seconds: float) -> Closed:
-    """A segment from ``start_s`` on for ``seconds``, as remembered; both triangles of its information are filled."""
-    lower = segment.information
-    full = lower + np.swapaxes(np.tril(lower, -1), -1, -2)
-    samples, square, products, decay, log_s = (segment.scalar[:, k].copy() for k in range(5))
-    vector, start = segment.vector.copy(), segment.start.copy()
-    return Closed(
-        start_s, seconds, full, vector, start, samples, square, products, decay, log_s, square.copy()
-    )
-
-
-def merged(first: Closed, second: Closed) -> Closed:
-    """Two segments that follow one another as one."""
-    carry = np.ones((_ROWS, COLUMNS + 1))
-    carry[:, COLUMNS] = first.decay
-    return Closed(
-        first.start_s,
-        first.seconds + second.seconds,
-        first.information + carry[:, :, None] * second.information * carry[:, None, :],
-        first.vector + carry * second.vector,
-        first.start,
-        first.samples + second.samples,
-        first.square + second.square,
-        first.products + second.products,
-        first.decay * second.decay,
-        first.log_s + second.log_s,
-        first.excess + second.excess,
-    )
-
-
 def changes_since(
-    reference: Reference, segments: Sequence[Closed], first: int = 0, last: int | None = None
+    reference: Reference,
+    segments: Segments,
+    first: int = 0,
+    last: int | None = None,
+    count: int | None = None,
 ) -> Changes:
     """What the segments since each onset say of a change.
 
     Args:
         reference: what is known from before all of them.
-        segments: in order.
         first, last: index of the first changed segment, at the earliest and at the latest; all where nothing is said.
+        count: how many segments count; those that are remembered where nothing is said.
     """
-    last = len(segments) - 1 if last is None else last
+    count = segments.count if count is None else count
+    last = count - 1 if last is None else last
     m = last - first + 1
-    known = (reference.information, reference.vector, reference.samples, reference.excess, reference.scatter)
-    stacked = tuple(
-        np.stack([getattr(s, name) for s in segments])
-        for name in ("information", "vector", "start", "samples", "square", "excess", "decay", "log_s")
-    )
-    information, vector = np.empty((m, _ROWS, COLUMNS, COLUMNS)), np.empty((m, _ROWS, COLUMNS))
-    square, samples, variance, log_s = (np.empty((m, _ROWS)) for _ in range(4))
+    known = (
+        PRIOR_INFORMATION, PARAMETERS_OF_ROW, reference.information, reference.vector, reference.samples,
+        reference.excess, reference.scatter,
+    )  # fmt: skip
+    arrays = (segments.information, segments.vector, segments.start, segments.scalar)
+    information, vector = np.zeros((m, _ROWS, COLUMNS, COLUMNS)), np.zeros((m, _ROWS, COLUMNS))
+    square, samples, variance, log_s = np.zeros((4, m, _ROWS))
     out = (information, vector, square, samples, variance, log_s)
-    changes(PRIOR_INFORMATION, known, stacked, first, last, LEAST_VARIANCE, VARIANCE_SAMPLES, out)
+    changes(known, arrays, (first, last, count), (LEAST_VARIANCE, VARIANCE_SAMPLES), out)
     latest = np.log(variance[-1])
     calm = 0.5 * (square * (variance / variance[-1]) + samples * latest + log_s)
-    base = np.concatenate([calm[:, :_N], calm[:, list(GUSTY)]], axis=1)
-    base -= 0.5 * (samples * np.log(variance) + log_s)
+    base = calm[:, _AS_IT_IS] - 0.5 * (samples * np.log(variance) + log_s)
     return Changes(information, vector, square, samples, variance, base)
 
 
-def scored(
-    reference: Reference, earlier: Sequence[Closed], segment: Closed, floors: Array
-) -> tuple[Closed, Array, Array]:
-    """The segment with its excess by what was known before, its score's mean square over what is stated, and the
-    variance before it, all by row.
+def scored(reference: Reference, segments: Segments, floors: Array) -> tuple[Array, Array]:
+    """Of the segment that was closed last its score's mean square over what is stated, and the variance before it, by
+    row; its excess by what was known before is noted.
 
     The score is NaN without information. ``floors``: standard deviations of what may come and go, (rows, columns).
     """
-    latest = len(earlier)
-    found = changes_since(reference, [*earlier, segment], latest, latest)
-    unit = found.variance[0] * reference.scatter
-    score = scores(found.information[0], found.vector[0], floors)
-    return replace(segment, excess=found.square[0] * unit), score, found.variance[0]
+    latest = segments.count
+    found = changes_since(reference, segments, latest, latest, latest + 1)
+    segments.scalar[latest, :, EXCESS] = found.square[0] * found.variance[0] * reference.scatter
+    score = scores(found.information[0], found.vector[0], PARAMETERS_OF_ROW, floors)
+    return score, found.variance[0]

@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +21,7 @@ from wingwatch.monitor.detection.redundancy.layout import (
     LIFT,
     NORTH,
     PARAMETERS,
+    PARAMETERS_OF_ROW,
     PITCH,
     PITCHING,
     PRIORS,
@@ -31,7 +34,7 @@ from wingwatch.monitor.detection.redundancy.layout import (
     parameter_index,
 )
 
-__all__ = ["HYPOTHESES", "USED_BY", "Effect", "Hypothesis", "recovery_from", "with_effects"]
+__all__ = ["HYPOTHESES", "USED_BY", "Effect", "Hypothesis", "Parts", "recovery_from", "with_effects"]
 
 Array = NDArray[np.float64]
 
@@ -57,7 +60,19 @@ class Effect:
         return np.hypot(self.free, size * self.by_size)
 
 
-@dataclass(frozen=True, slots=True)
+class Parts(NamedTuple):
+    """Effects of a hypothesis as kernels take them: ``relations`` and how many ``parameters`` each has (p,), what
+    ``Effect`` says of each (p, COLUMNS), and whether it ``proves`` (p,)."""
+
+    relations: NDArray[np.int64]
+    parameters: NDArray[np.int64]
+    directions: Array
+    free: Array
+    by_size: Array
+    proves: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
 class Hypothesis:
     """One cause that befalls one part.
 
@@ -108,7 +123,16 @@ class Hypothesis:
         said = any(e.direction.any() for e in left.values())
         return replace(self, effects=left) if said or self.repeated is not None else None
 
-    @property
+    @cached_property
+    def parts(self) -> Parts:
+        """Its effects by relation."""
+        relations, effects = np.array(list(self.effects), dtype=np.int64), list(self.effects.values())
+        tables = (np.array([getattr(e, name) for e in effects]) for name in ("direction", "free", "by_size"))
+        directions, free, by_size = (table.reshape(-1, COLUMNS) for table in tables)
+        proves = np.array([e.proves for e in effects], dtype=np.bool_)
+        return Parts(relations, PARAMETERS_OF_ROW[relations], directions, free, by_size, proves)
+
+    @cached_property
     def relations(self) -> frozenset[int]:
         """Those that it shows in."""
         return frozenset(self.effects) | ({self.repeated} if self.repeated is not None else set())

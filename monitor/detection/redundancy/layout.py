@@ -17,6 +17,7 @@ __all__ = [
     "GUSTY",
     "GUST_FELT",
     "PARAMETERS",
+    "PARAMETERS_OF_ROW",
     "PRIORS",
     "PRIOR_INFORMATION",
     "RELATIONS",
@@ -306,3 +307,6 @@ GUST_FELT = _felt()
 
 PRIOR_INFORMATION = PRIORS[list(ROWS)] ** -2.0
 """(rows, COLUMNS)."""
+
+PARAMETERS_OF_ROW = np.array([len(PARAMETERS[i]) for i in ROWS])
+"""How many parameters each row has; the columns behind them hold nothing."""

@@ -45,10 +45,15 @@ __all__ = [
     "DRIFT",
     "END_S",
     "GOING",
+    "LEFT",
+    "LOG_S",
     "MOST_REPEATS",
+    "PRODUCTS",
     "REPEATS",
+    "SAMPLES",
     "SEGMENT_S",
     "SHORT_S",
+    "SQUARE",
     "START_S",
     "Memory",
     "Model",
@@ -78,7 +83,7 @@ STEEP_RAD = math.radians(60.0)
     _X, _VARIANCE, _RATE, GOING, _LAST, DRIFT, _READING, _SINCE_S, REPEATS, MOST_REPEATS, CHANGES,
 ) = range(11)  # fmt: skip
 """Numbers of ``Memory.scalar``."""
-_SAMPLES, _SQUARE, _PRODUCTS, _LEFT, _LOG_S = range(5)
+SAMPLES, SQUARE, PRODUCTS, LEFT, LOG_S = range(5)
 """Numbers of ``Segment.scalar``."""
 (
     _STAMP_S, END_S, _ROLL_RATE, _PITCH_RATE, _YAW_RATE, _AIRSPEED_SMOOTH, _THROTTLE_SMOOTH,
@@ -208,7 +213,7 @@ def new_segment() -> Segment:
         np.zeros((_ROWS, COLUMNS)),
         np.zeros((_ROWS, 5)),
     )
-    segment.scalar[:, _LEFT] = 1.0
+    segment.scalar[:, LEFT] = 1.0
     return segment
 
 
@@ -426,7 +431,7 @@ def _filter(i, relation, dt, to, model, memory, segment):  # type: ignore[no-unt
         scalar[i, _VARIANCE] = scalar[i, _VARIANCE] * decay * decay + scalar[i, DRIFT] * variance * dt
         for j in range(COLUMNS):
             effect[i, j] = effect[i, j] * decay + dt * memory.effect_rate[1, i, j]
-        segment.scalar[i, _LEFT] *= decay
+        segment.scalar[i, LEFT] *= decay
     for j in range(COLUMNS):
         memory.effect_rate[1, i, j], memory.effect_rate[0, i, j] = memory.effect_rate[0, i, j], psi[j]
     scalar[i, _RATE] = rate
@@ -436,7 +441,7 @@ def _filter(i, relation, dt, to, model, memory, segment):  # type: ignore[no-unt
         scalar[i, GOING], scalar[i, _LAST] = 1.0, 0.0
         scalar[i, _X] = 0.0 if leaky else z
         scalar[i, _VARIANCE] = 0.5 * scalar[i, DRIFT] * variance * tau if leaky else variance
-        segment.scalar[i, _LEFT] = 0.0
+        segment.scalar[i, LEFT] = 0.0
         for j in range(COLUMNS):
             effect[i, j] = 0.0 if leaky else -d[j]
         if not leaky:
@@ -448,7 +453,7 @@ def _filter(i, relation, dt, to, model, memory, segment):  # type: ignore[no-unt
     gain, weight = scalar[i, _VARIANCE] / total, 1.0 / total
     scalar[i, _X] += gain * e
     scalar[i, _VARIANCE] *= 1.0 - gain
-    f = segment.scalar[i, _LEFT]
+    f = segment.scalar[i, LEFT]
     columns = effect[i]
     for j in range(COLUMNS):
         seen = columns[j] + d[j]
@@ -462,11 +467,11 @@ def _filter(i, relation, dt, to, model, memory, segment):  # type: ignore[no-unt
     for j in range(COLUMNS):
         columns[j] -= gain * (columns[j] + d[j])
     scaled = e * math.sqrt(weight)
-    segment.scalar[i, _SAMPLES] += 1.0
-    segment.scalar[i, _SQUARE] += scaled * scaled
-    segment.scalar[i, _PRODUCTS] += scaled * scalar[i, _LAST]
-    segment.scalar[i, _LEFT] = f * (1.0 - gain)
-    segment.scalar[i, _LOG_S] += math.log(total)
+    segment.scalar[i, SAMPLES] += 1.0
+    segment.scalar[i, SQUARE] += scaled * scaled
+    segment.scalar[i, PRODUCTS] += scaled * scalar[i, _LAST]
+    segment.scalar[i, LEFT] = f * (1.0 - gain)
+    segment.scalar[i, LOG_S] += math.log(total)
     scalar[i, _LAST] = scaled
 
 

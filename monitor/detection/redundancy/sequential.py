@@ -22,10 +22,10 @@ from scipy.special import log_ndtr
 
 from wingwatch.monitor.detection.redundancy.evidence import Changes
 from wingwatch.monitor.detection.redundancy.hypotheses import Hypothesis
-from wingwatch.monitor.detection.redundancy.layout import RELATIONS, ROUGH
-from wingwatch.monitor.detection.redundancy.likelihood import likelihoods, most_gained
+from wingwatch.monitor.detection.redundancy.layout import COLUMNS, PARAMETERS_OF_ROW, ROUGH
+from wingwatch.monitor.detection.redundancy.likelihood import contest, expected_gains, likelihoods
 
-__all__ = ["Contest", "Finding", "Ranked", "rank", "smallest_seen"]
+__all__ = ["Contest", "Finding", "Ranked", "Visible", "rank"]
 
 Array = NDArray[np.float64]
 
@@ -78,46 +78,22 @@ class Contest:
     """
 
     def __init__(self, changes: Changes, floors: Array) -> None:
-        gained = most_gained(
-            changes.information,
-            changes.vector,
-            changes.square,
-            changes.samples,
-            changes.at_rest,
-            VARIANCE_FREEDOM,
-        )
-        gained[:, len(RELATIONS) :] += _LOG_ROUGHER
-        rows = np.tile(np.arange(len(RELATIONS)), (len(gained), 1))
-        has = ROUGH >= 0
-        rougher = gained[:, ROUGH[has]] > gained[:, : len(RELATIONS)][:, has]
-        rows[:, has] = np.where(rougher, ROUGH[has], rows[:, has])
-        onsets = np.arange(len(rows))[:, None]
-        self._changes = Changes(*(np.ascontiguousarray(part[onsets, rows]) for part in changes))
-        self._changes.at_rest[rows >= len(RELATIONS)] += _LOG_ROUGHER
+        evidence = changes.information, changes.vector, changes.square, changes.samples, changes.at_rest
         self._floors = floors
-        varied = _varied(changes, floors)
-        varied[:, len(RELATIONS) :] += _LOG_ROUGHER
-        calm = varied[:, : len(RELATIONS)].copy()
-        calm[:, has] = np.logaddexp(calm[:, has], varied[:, ROUGH[has]])
-        self._varied = calm
-        self._log_null = np.logaddexp(np.log(0.5), np.log(0.5) - np.log(len(calm)) + _log_sum(calm, 0))
-        # what varied at an earlier onset, up to this one
-        earlier = np.tril(np.ones((len(calm), len(calm))), -1)[:, :, None]
-        apart = np.where(earlier > 0.0, calm[None] - calm[:, None], -np.inf)
-        self._before = np.logaddexp(np.log(0.5), np.log(0.5) - np.log(len(calm)) + _log_sum(apart, 1))
-        best = np.take_along_axis(gained, rows, axis=1)
-        self._most = np.maximum(best + self._before - self._log_null, 0.0).max(axis=0)
+        self._evidence, self._varied, self._before, self._null, self._most = contest(
+            evidence, (PARAMETERS_OF_ROW, ROUGH), floors, VARIANCE_FREEDOM, _LOG_ROUGHER
+        )
 
     @property
     def together(self) -> float:
-        """Log of the Bayes factor that relations began to vary at one onset, each or no more than usual, and nothing is
-        at fault."""
-        by_it = self._varied + self._before - self._log_null
+        """Log of the Bayes factor, in nats, that relations began to vary at one onset, each or no more than usual, and
+        nothing is at fault."""
+        by_it = self._varied + self._before - self._null
         return float(_log_sum(np.logaddexp(by_it, 0.0).sum(axis=1) - by_it.shape[1] * np.log(2.0), 0))
 
     def could_gain(self, hypothesis: Hypothesis) -> float:
         """Nats that its relations could gain at most, whatever had changed."""
-        return float(sum(self._most[i] for i in hypothesis.effects))
+        return float(self._most[hypothesis.parts.relations].sum())
 
     def judged(self, hypothesis: Hypothesis) -> Ranked:
         """Its Bayes factor.
@@ -125,16 +101,20 @@ class Contest:
         In each relation something may have varied before, too; where it does no more than nothing that may have been at
         another onset. Relations that do not prove it count no more than those that do.
         """
-        relations = np.array(list(hypothesis.effects))
-        by_relation, size, curvature = _likelihoods(self._changes, self._floors, hypothesis)
-        fixed = hypothesis.size_std == 0.0
-        own, null = by_relation.T, self._log_null[relations]
-        by_it = own + self._before[:, relations] - null
+        parts = hypothesis.parts
+        by_relation, size, curvature = likelihoods(
+            self._evidence,
+            parts[:5],
+            self._floors,
+            (hypothesis.size_std, hypothesis.signed),
+            VARIANCE_FREEDOM,
+        )
+        own, relations = by_relation.T, parts.relations
+        by_it = own + self._before[:, relations] - self._null[relations]
         logs = np.logaddexp(by_it, np.minimum(own - self._varied[:, relations], 0.0)) - np.log(2.0)
-        proves = np.array([e.proves for e in hypothesis.effects.values()])
-        total, error = logs[:, proves].sum(axis=1), np.zeros(len(size))
-        total += np.minimum(logs[:, ~proves].sum(axis=1), np.maximum(total, 0.0))
-        if not fixed:
+        total, error = logs[:, parts.proves].sum(axis=1), np.zeros(len(size))
+        total += np.minimum(logs[:, ~parts.proves].sum(axis=1), np.maximum(total, 0.0))
+        if hypothesis.size_std > 0.0:
             prior = hypothesis.size_std**-2.0
             error = 1.0 / np.sqrt(curvature)
             total += np.log(error) + 0.5 * np.log(prior) - 0.5 * size**2 * prior
@@ -180,54 +160,41 @@ def _log_sum(logs: Array, axis: int) -> Array:
 
 
 def _log_weights(hypotheses: Sequence[Hypothesis]) -> Array:
-    unknown = np.array([h.cause == "unknown" for h in hypotheses])
+    unknown = np.array([h.cause == "unknown" for h in hypotheses], dtype=np.bool_)
     return np.log(np.where(unknown, UNKNOWN_WEIGHT / _UNKNOWN, (1.0 - UNKNOWN_WEIGHT) / _CAUSES))
 
 
-def _varied(changes: Changes, floors: Array) -> Array:
-    """(5) with m = 0 by onset and row: what varies in a healthy aircraft has changed within its floors."""
-    rows, nothing = np.arange(changes.vector.shape[1]), np.zeros(changes.vector.shape[1:])
-    found = likelihoods(
-        _evidence(changes), (rows, nothing), (floors, nothing), 0.0, 0.0, (0.0, 0.0), VARIANCE_FREEDOM
-    )
-    return np.asarray(found[0].T)
+class Visible:
+    """Which sizes of some hypotheses segments would have shown.
 
-
-def _likelihoods(changes: Changes, floors: Array, hypothesis: Hypothesis) -> tuple[Array, Array, Array]:
-    """(5) of a hypothesis: by relation and onset; its size and the precision of that by onset."""
-    relations, effects = np.array(list(hypothesis.effects)), hypothesis.effects.values()
-    directions = np.array([e.direction for e in effects])
-    varying = np.hypot(floors[relations], [e.free for e in effects]), np.array([e.by_size for e in effects])
-    fixed, usual = hypothesis.size_std == 0.0, hypothesis.size_std or 1.0
-    prior = 0.0 if fixed else usual**-2.0
-    limits = (1.0, 1.0) if fixed else (-np.inf if hypothesis.signed else 0.0, np.inf)
-    logs, size, precision = likelihoods(
-        _evidence(changes), (relations, directions), varying, usual, prior, limits, VARIANCE_FREEDOM
-    )
-    return logs, size, precision
-
-
-def _evidence(changes: Changes) -> tuple[Array, ...]:
-    return changes.information, changes.vector, changes.square, changes.samples, changes.at_rest
-
-
-def smallest_seen(
-    changes: Changes, floors: Array, hypotheses: Sequence[Hypothesis], log_threshold: float
-) -> list[float | None]:
-    """By hypothesis the smallest size that the segments since the first onset would have shown, None where no size.
-
-    That is the one whose expected gain passes the threshold. Sizes are in the unit of each hypothesis; ``floors``:
-    (rows, columns).
+    Args:
+        hypotheses: by relations that it has, each at half its usual size.
     """
-    found: list[float | None] = []
-    for hypothesis in hypotheses:
-        total = 0.0
-        for i, effect in hypothesis.effects.items():
-            std = np.hypot(floors[i], effect.varying(0.5 * hypothesis.size_std))
-            moved = changes.information[0, i] @ effect.direction
-            within = np.eye(len(std)) + std[:, None] * changes.information[0, i] * std
-            along = std * moved
-            total += float(effect.direction @ moved - along @ np.linalg.solve(within, along))
-        needed = 2.0 * (log_threshold - float(_log_weights([hypothesis])[0]))
-        found.append(float(np.sqrt(needed / total)) if total > 1e-9 * needed else None)
-    return found
+
+    def __init__(self, hypotheses: Sequence[Hypothesis]) -> None:
+        parts = [h.parts for h in hypotheses]
+        rows = [
+            (h, one, k) for h, one in zip(hypotheses, parts, strict=True) for k in range(len(one.relations))
+        ]
+        self._begins = np.cumsum([0, *(len(one.relations) for one in parts)])
+        self._parts = (
+            np.array([one.relations[k] for _, one, k in rows], dtype=np.int64),
+            np.array([one.parameters[k] for _, one, k in rows], dtype=np.int64),
+            np.array([one.directions[k] for _, one, k in rows]).reshape(-1, COLUMNS),
+        )
+        varying = [np.hypot(one.free[k], 0.5 * h.size_std * one.by_size[k]) for h, one, k in rows]
+        self._varying = np.array(varying).reshape(-1, COLUMNS)
+        self._log_weights = _log_weights(hypotheses)
+
+    def smallest(self, changes: Changes, floors: Array, log_threshold: float) -> list[float | None]:
+        """By hypothesis the smallest size that the segments since the first onset would have shown, None where no size.
+
+        That is the one whose expected gain passes the threshold. Sizes are in the unit of each hypothesis; ``floors``:
+        (rows, columns).
+        """
+        gains = expected_gains(changes.information[0], floors, self._begins, self._parts, self._varying)
+        needed = 2.0 * (log_threshold - self._log_weights)
+        return [
+            float(np.sqrt(n / gain)) if gain > 1e-9 * n else None
+            for gain, n in zip(gains, needed, strict=True)
+        ]

@@ -6,21 +6,14 @@ the same channel learn anew: from then on they show what changes against the fau
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft import Aircraft
 from wingwatch.monitor.detection.redundancy.airframe_hypotheses import hypotheses_of
-from wingwatch.monitor.detection.redundancy.evidence import (
-    Changes,
-    Closed,
-    Reference,
-    changes_since,
-    closed,
-    merged,
-    scored,
-)
+from wingwatch.monitor.detection.redundancy.evidence import Changes, Reference, changes_since, scored
 from wingwatch.monitor.detection.redundancy.hypotheses import USED_BY, Hypothesis, recovery_from
 from wingwatch.monitor.detection.redundancy.layout import (
     AIRSPEED,
@@ -46,9 +39,11 @@ from wingwatch.monitor.detection.redundancy.samples import (
     END_S,
     GOING,
     MOST_REPEATS,
+    PRODUCTS,
     REPEATS,
     SEGMENT_S,
     SHORT_S,
+    SQUARE,
     START_S,
     Memory,
     Segment,
@@ -56,7 +51,8 @@ from wingwatch.monitor.detection.redundancy.samples import (
     new_segment,
     take_samples,
 )
-from wingwatch.monitor.detection.redundancy.sequential import Finding, rank, smallest_seen
+from wingwatch.monitor.detection.redundancy.segments import MOST_SEGMENTS, Segments
+from wingwatch.monitor.detection.redundancy.sequential import Finding, Visible, rank
 from wingwatch.monitor.detection.redundancy.set_up import changed, least_drift, model_of
 from wingwatch.telemetry import SampleBlock
 
@@ -71,8 +67,8 @@ LOG_THRESHOLD = float(np.log(FALSE_ALERT_INTERVAL_H * 3600.0 / SEGMENT_S))
 TUNING_S, AIRFRAME_TUNING_S, LEARNING_S = 10.0, 30.0, 20.0
 """At first relations' drifts find their values and nothing is learned, longer of forces and moments, for which
 coefficients go by how gusts are filtered; then nothing is tested while they learn."""
-_SINGLE, _MOST = 6, 12
-"""Segments that stay as they are, and in all; older ones are joined by twos until they are ``_LONGEST_S`` long."""
+_SINGLE = 6
+"""Segments that stay as they are; older ones are joined by twos until they are ``_LONGEST_S`` long."""
 _LONGEST_S = 5.0
 LEAST_CHANGES = 100.0
 """Changes of a reading from which it is known how long it may repeat."""
@@ -95,11 +91,17 @@ rougher air has at least that of moderate gusts (``least_drift``) and ``_ROUGHER
 _ROUGHER = 6.0
 _COLOURED = 1e3
 """Most drift of moments: the sampled gusts of a moment stay correlated with those one sample before."""
-_OUT_OF_MEASURE = 1e30
 _N, _ROWS = len(RELATIONS), len(ROWS)
 _FLOW = list(FLOW)
 _SAME_GUSTS = [AIRSPEED, NORTH, EAST]
 """The gusts along the path move all of them: where all are there, each says half of what it would alone."""
+_VANES_OF = [ALPHA, ALPHA, BETA, BETA]
+_VANES = [ALPHA, int(ROUGH[ALPHA]), BETA, int(ROUGH[BETA])]
+"""Relations of the vanes, and their rows."""
+_FLOORS, _PRIORS, _GUST_FELT = (table[list(ROWS)] for table in (FLOORS, PRIORS, GUST_FELT))
+"""By row."""
+_MOST_SHOWN = 256
+"""Sets of relations that show nothing for a while: of that many it is kept what competes then."""
 _TELLS_AIR = np.isin(np.arange(_N), _FLOW)
 _FEELS_AIR = np.array(ROWS) >= LIFT
 """Rows whose errors are white from sample to sample, not over ten seconds: in air rougher than moderate their segments'
@@ -152,7 +154,7 @@ class RedundancyState:
     memory: Memory
     segment: Segment
     reference: Reference = field(default_factory=Reference)
-    segments: list[Closed] = field(default_factory=list)
+    segments: Segments = field(default_factory=Segments)
     tuned_s: float = 0.0
     learns_until_s: Array = field(default_factory=lambda: np.full(_N, np.nan))
     looked_s: float = -np.inf
@@ -196,6 +198,10 @@ class RedundancyWatch:
     def __init__(self, aircraft: Aircraft, present: Collection[str], kinds: Mapping[str, str]) -> None:
         self.model, self.absent = model_of(aircraft, present, kinds)
         self.hypotheses = hypotheses_of(aircraft, self.model)
+        self._active = frozenset(np.flatnonzero(self.model.active).tolist())
+        self._named = [h for h in self.hypotheses if h.cause not in ("unknown", "drag")]
+        self._visible = Visible(self._named)
+        self._shown = lru_cache(_MOST_SHOWN)(self._shown_without)
         self._rough_drift = np.clip(least_drift(aircraft, self.model), *_DRIFTS)
         drift = np.array([RELATIONS[i].drift for i in ROWS])
         drift[_N:] = self._rough_drift[list(GUSTY)]
@@ -229,8 +235,7 @@ class RedundancyWatch:
         for i in relations:
             for row in (i, int(ROUGH[i])) if ROUGH[i] >= 0 else (i,):
                 state.reference.forget(row)
-                for segment in state.segments:
-                    segment.forget(row)
+                state.segments.forget(row)
                 # its filter starts anew, without what the fault has left in it
                 state.memory.scalar[row, GOING] = 0.0
                 state.segment.forget(row)
@@ -256,10 +261,9 @@ class RedundancyWatch:
         """By hypothesis the smallest size that the remembered segments would have shown, had it begun with them."""
         if not state.segments:
             return []
-        named = [h for h in self.hypotheses if h.cause not in ("unknown", "drag")]
         changes = changes_since(state.reference, state.segments, 0, 0)
-        sizes = smallest_seen(changes, self._floors(state), named, LOG_THRESHOLD)
-        return [(h, size if h.repeated is None else 1.0) for h, size in zip(named, sizes, strict=True)]
+        sizes = self._visible.smallest(changes, self._floors(state), LOG_THRESHOLD)
+        return [(h, size if h.repeated is None else 1.0) for h, size in zip(self._named, sizes, strict=True)]
 
     def repeats(self, state: RedundancyState, relation: int) -> bool:
         """Whether a relation's own reading repeats more often than it ever did before."""
@@ -275,64 +279,64 @@ class RedundancyWatch:
         return self.relations_of(fault) | USED_BY.get(fault.channel, frozenset())
 
     def _close(self, state: RedundancyState, next_s: float) -> Second:
-        clock = state.memory.clock
+        clock, segments = state.memory.clock, state.segments
         start_s, end_s = float(clock[START_S]), float(clock[END_S])
-        _leave_out(state)
-        segment = closed(state.segment, start_s, end_s - start_s)
+        seconds = end_s - start_s
+        segments.close(state.segment, state.memory, start_s, seconds)
         goes_on = 0.0 <= next_s - end_s < SEGMENT_S
-        forced = next_s == end_s and segment.seconds < SEGMENT_S
+        forced = next_s == end_s and seconds < SEGMENT_S
         clock[START_S] = end_s if goes_on else np.nan
         clock[END_S] = end_s + (SHORT_S if forced else SEGMENT_S) if goes_on else np.nan
-        state.segment = new_segment()
-        state.segment.start[:] = state.memory.effect
         if end_s < state.looked_s - SEGMENT_S:  # the clock was set back
             state.looked_s = state.startled_s = -np.inf
             state.learns_until_s[:] = end_s + LEARNING_S
+        numbers = segments.scalar[segments.count]
         if state.tuned_s < TUNING_S:
-            state.tuned_s += segment.seconds
+            state.tuned_s += seconds
             state.learns_until_s[:] = end_s + LEARNING_S
-            self._tune(state, segment, np.ones(_N, dtype=np.bool_), _TUNING_GAIN)
+            self._tune(state, numbers, seconds, np.ones(_N, dtype=np.bool_), _TUNING_GAIN)
             return Second(end_s)
-        segment, score, state.variance = scored(state.reference, state.segments, segment, self._floors(state))
-        state.segments.append(segment)
+        score, state.variance = scored(state.reference, segments, self._floors(state))
+        segments.keep()
         if state.tuned_s < AIRFRAME_TUNING_S:
-            state.tuned_s += segment.seconds
+            state.tuned_s += seconds
             if state.tuned_s >= AIRFRAME_TUNING_S:
                 self.learn_anew(state, range(LIFT, _N), end_s)
                 state.reference.samples[_FEELS_AIR] = state.reference.excess[_FEELS_AIR] = 0.0
                 score[_FEELS_AIR] = np.nan
             state.learns_until_s[LIFT:] = end_s + LEARNING_S
-        return self._judged(state, segment, score, forced, end_s)
+        return self._judged(state, seconds, score, forced, end_s)
 
     def _judged(
-        self, state: RedundancyState, segment: Closed, score: Array, forced: bool, now_s: float
+        self, state: RedundancyState, seconds: float, score: Array, forced: bool, now_s: float
     ) -> Second:
-        if forced or np.nanmax(np.append(score, 0.0)) > _STARTLED:
+        if forced or np.nanmax(score, initial=0.0) > _STARTLED:
             state.startled_s = now_s
         following, waiting = self._following(state), self._waiting(state, now_s)
         finding = followed = None
         due = now_s - state.looked_s >= _LOOK_S or now_s - state.startled_s <= _STARTLED_S
         if due or following:
             state.looked_s = now_s
-            changes = self._changes(state)
+            changes = changes_since(state.reference, state.segments)
             repeated, floors = _repeated(state), self._floors(state)
             finding = rank(changes, floors, repeated, self._tested(state, waiting))
             state.log_statistic = finding.log_statistic
             own = frozenset().union(*(self.relations_of(f) for f in state.faults if not f.settled))
             if own:
                 begun_s = max(f.onset_s for f in state.faults if not f.settled)
-                begun = max(1, sum(s.start_s <= begun_s for s in state.segments))
+                begun = max(1, int(np.sum(state.segments.starts_s <= begun_s)))
                 since = Changes(*(part[:begun] for part in changes))
                 followed = rank(since, floors, repeated, [h for h in self.hypotheses if h.relations & own])
         calm = np.ones(_N, dtype=np.bool_)
         calm[list(following)] = False
         quiet = state.log_statistic < 0.5 * LOG_THRESHOLD
+        numbers = state.segments.scalar[state.segments.count - 1]
         if state.log_statistic < 0.5 * LOG_THRESHOLD * self._changed_air(state):
-            self._tune(state, segment, calm)
-            self._note_scatter(state, segment.seconds, score, calm)
+            self._tune(state, numbers, seconds, calm)
+            self._note_scatter(state, seconds, score, calm)
         elif quiet:  # a fault of the airframe may grow; how rough the air is shows as ever
-            self._tune(state, segment, calm & _TELLS_AIR)
-        onsets_s = tuple(s.start_s for s in state.segments)
+            self._tune(state, numbers, seconds, calm & _TELLS_AIR)
+        onsets_s = tuple(state.segments.starts_s.tolist())
         self._thin_out(state, calm, quiet)
         return Second(now_s, onsets_s, finding, followed)
 
@@ -352,20 +356,15 @@ class RedundancyWatch:
         Where a fault has settled its relations show its end or more of it; those of an airframe fault show faults of
         sensors and surfaces, too, for it has been learned with the rest of the airframe.
         """
-        active = frozenset(np.flatnonzero(self.model.active).tolist())
         of_parts = frozenset().union(*(self.relations_of(f) for f in state.faults if f.channel))
         changed = any(not f.channel for f in state.faults)
-        tested = []
-        for h in self.hypotheses:
-            if h.is_of_airframe and (changed or h.relations & active & waiting):
-                continue
-            if (shown := h.without((waiting | of_parts) & active)) is not None:
-                tested.append(shown)
+        waiting &= self._active
+        tested = list(self._shown(waiting, waiting | (of_parts & self._active), changed))
         for fault in state.faults:
             own = self.hypothesis(fault)
             if own is None or not own.effects or not fault.settled or fault.repeated is not None:
                 continue
-            if (shown := own.without(waiting & active)) is None:
+            if (shown := own.without(waiting)) is None:
                 continue
             if own.cause != "unknown":
                 tested.append(recovery_from(shown, fault.size))
@@ -373,9 +372,17 @@ class RedundancyWatch:
                 tested.append(shown)
         return tested
 
-    def _changes(self, state: RedundancyState) -> Changes:
-        """What the remembered segments say of a change, by onset."""
-        return changes_since(state.reference, state.segments)
+    def _shown_without(
+        self, waiting: frozenset[int], silent: frozenset[int], changed: bool
+    ) -> tuple[Hypothesis, ...]:
+        """Hypotheses as relations that are not silent show them; those of the airframe only where it has not changed
+        and none of theirs waits."""
+        free = [
+            h.without(silent)
+            for h in self.hypotheses
+            if not (h.is_of_airframe and (changed or h.relations & waiting))
+        ]
+        return tuple(h for h in free if h is not None)
 
     def _floors(self, state: RedundancyState) -> Array:
         """What parameters may change by within a minute, (rows, COLUMNS).
@@ -384,25 +391,25 @@ class RedundancyWatch:
         coefficient seems to be off the file is in part the gusts', for they act otherwise than the aircraft's own
         motion does: it comes and goes with them, and in other air than it was learned in nothing is known of it.
         """
-        floors = FLOORS[list(ROWS)]
-        for i in (ALPHA, BETA):
-            for row in (i, ROUGH[i]):
-                gusts = state.memory.scalar[row, DRIFT] * self.model.noise_variance[i]
-                floors[row] *= np.sqrt(1.0 + gusts / FLOORS[i, 0] ** 2)
+        floors = _FLOORS.copy()
+        gusts = state.memory.scalar[_VANES, DRIFT] * self.model.noise_variance[_VANES_OF]
+        floors[_VANES] *= np.sqrt(1.0 + gusts / FLOORS[_VANES_OF, 0] ** 2)[:, None]
         off = state.reference.parameters(state.variance)
         other = self._changed_air(state)
-        gusts = np.hypot(_COMES_AND_GOES * off, other * PRIORS[list(ROWS)])
-        return np.hypot(floors, GUST_FELT[list(ROWS)] * gusts)
+        gusts = np.hypot(_COMES_AND_GOES * off, other * _PRIORS)
+        return np.hypot(floors, _GUST_FELT * gusts)
 
     def _changed_air(self, state: RedundancyState) -> float:
         """0 to 1: how much the air differs from that in which coefficients were learned."""
         return state.reference.changed_air(state.memory.scalar[_FLOW, DRIFT])
 
-    def _tune(self, state: RedundancyState, segment: Closed, which: Flags, gain: float = _DRIFT_GAIN) -> None:
-        """Relations' drifts follow the correlation of their innovations."""
+    def _tune(
+        self, state: RedundancyState, numbers: Array, seconds: float, which: Flags, gain: float = _DRIFT_GAIN
+    ) -> None:
+        """Relations' drifts follow the correlation of their innovations; ``numbers`` of a segment, (rows, 6)."""
         calm = slice(0, _N)
-        correlation = segment.products[calm] / np.maximum(segment.square[calm], 1e-9)
-        step = segment.seconds * gain * np.clip(correlation, -0.5, 0.5)
+        correlation = numbers[calm, PRODUCTS] / np.maximum(numbers[calm, SQUARE], 1e-9)
+        step = seconds * gain * np.clip(correlation, -0.5, 0.5)
         drift, most = state.memory.scalar[:, DRIFT], np.full(_N, _DRIFTS[1])
         most[ROLLING:] = _COLOURED
         drift[calm][which] = np.clip(drift[calm] * np.exp(step), _DRIFTS[0], most)[which]
@@ -420,29 +427,19 @@ class RedundancyWatch:
     def _thin_out(self, state: RedundancyState, which: Flags, quiet: bool) -> None:
         """Join old segments; the oldest joins the reference, unless it may be part of a change."""
         segments = state.segments
-        if len(segments) <= _MOST:
+        if len(segments) <= MOST_SEGMENTS:
             return
         begun = {fault.onset_s for fault in state.faults if not fault.settled}
         for k in range(len(segments) - _SINGLE - 1):
-            if segments[k + 1].start_s in begun:
+            if segments.start_s[k + 1] in begun:
                 continue
-            if segments[k].seconds + segments[k + 1].seconds <= _LONGEST_S:
-                segments[k : k + 2] = [merged(segments[k], segments[k + 1])]
+            if segments.seconds[k] + segments.seconds[k + 1] <= _LONGEST_S:
+                segments.join(k)
                 return
-        oldest = segments.pop(0)
         if quiet:
-            state.reference.absorb(oldest, which[list(ROWS)], state.memory.scalar[_FLOW, DRIFT])
-
-
-def _leave_out(state: RedundancyState) -> None:
-    """Rows that readings out of all measure have spoiled say nothing of the segment, and their filters start anew."""
-    part = state.segment
-    sums = (part.information, part.vector, part.start, part.scalar, state.memory.effect)
-    large = [np.abs(one).reshape(_ROWS, -1).max(axis=1) for one in sums]
-    for row in np.flatnonzero(~(np.max(large, axis=0) < _OUT_OF_MEASURE)):
-        part.forget(int(row))
-        part.start[row] = state.memory.effect[row] = 0.0
-        state.memory.scalar[row, GOING] = 0.0
+            state.reference.absorb(segments, which[list(ROWS)], state.memory.scalar[_FLOW, DRIFT])
+        else:
+            segments.drop(0)
 
 
 def _repeated(state: RedundancyState) -> Array:
