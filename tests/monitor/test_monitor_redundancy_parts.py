@@ -23,6 +23,7 @@ from wingwatch.monitor.detection.redundancy.samples import (
     START_S,
     new_memory,
     new_segment,
+    new_work,
     take_samples,
     thrust_n,
 )
@@ -51,9 +52,10 @@ def _segments(values: np.ndarray) -> tuple[Reference, Segments]:
     monitor, block = monitor_of(values)
     model = monitor.relations.model
     memory, segment = new_memory(np.array([RELATIONS[i].drift for i in ROWS])), new_segment()
+    work = new_work()
     reference, found, first, rows = Reference(), Segments(), 0, np.ascontiguousarray(block.values)
     while first < len(rows):
-        first = take_samples(rows, first, model, memory, segment, np.full(N, np.inf))
+        first = take_samples(rows, first, model, memory, segment, np.full(N, np.inf), work)
         if first < len(rows):
             if len(found) == MOST_SEGMENTS:
                 reference.absorb(found, np.ones(len(ROWS), dtype=np.bool_), np.ones(len(FLOW)))

@@ -16,7 +16,7 @@ samples ago and surfaces from their commands: one with the noise that z has, too
 
 import math
 
-from wingwatch.kernels.decorators import helper
+from wingwatch.kernels.decorators import lean
 from wingwatch.monitor.detection.redundancy.layout import (
     ALPHA,
     COLUMNS,
@@ -44,7 +44,7 @@ USUAL_S = 60.0
 """Over so long the usual incidence is a mean: of two seconds, its own noise would still be a column."""
 
 
-@helper
+@lean
 def _regressors(row, dt, model, memory, flow, to):  # type: ignore[no-untyped-def]
     """What coefficients multiply: of z in ``to.lon`` and ``to.lat``, of columns in ``to.lon_d`` and ``to.lat_d``.
 
@@ -95,7 +95,7 @@ def _regressors(row, dt, model, memory, flow, to):  # type: ignore[no-untyped-de
             lat_d[1] = column
 
 
-@helper
+@lean
 def _of(coefficients, regressors):  # type: ignore[no-untyped-def]
     """A coefficient by its terms; those that the aircraft has not are no terms."""
     total = 0.0
@@ -105,7 +105,7 @@ def _of(coefficients, regressors):  # type: ignore[no-untyped-def]
     return total
 
 
-@helper
+@lean
 def _moment(i, dt, rate, angular, pressure, to, model, memory):  # type: ignore[no-untyped-def]
     """z and columns of one moment.
 
@@ -124,7 +124,7 @@ def _moment(i, dt, rate, angular, pressure, to, model, memory):  # type: ignore[
         last[2 + j] = column
 
 
-@helper
+@lean
 def forces_and_moments(row, dt, model, memory, flow, to):  # type: ignore[no-untyped-def]
     """z and columns of forces and moments; beyond straight lift they are left out.
 

@@ -12,14 +12,14 @@ variance.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft import GRAVITY_M_S2
 from wingwatch.kernels.copying import copy_into
-from wingwatch.kernels.decorators import helper, whole
+from wingwatch.kernels.decorators import hot, lean
 from wingwatch.monitor.detection.redundancy.airframe import ATTACHED_RAD, COARSE, forces_and_moments
 from wingwatch.monitor.detection.redundancy.layout import (
     AIRSPEED,
@@ -60,6 +60,7 @@ __all__ = [
     "Segment",
     "new_memory",
     "new_segment",
+    "new_work",
     "take_samples",
     "thrust_n",
 ]
@@ -106,6 +107,8 @@ _OWN = np.array([*_SURFACES, _PHI, _THETA, _PSI, _V, _A, _B, _FX, _VN, _VE, _FZ,
 """Channel of each relation whose reading is z."""
 _MAY_REPEAT = np.arange(_N) >= 3
 _TURN = 2.0 * math.pi
+_FLOW = 19
+"""Numbers of ``_flow_of``."""
 
 
 class Model(NamedTuple):
@@ -205,6 +208,18 @@ def new_memory(drift: Array) -> Memory:
     )  # fmt: skip
 
 
+def new_work() -> tuple[Any, ...]:
+    """Memory that ``take_samples`` works in, one call at a time. Nothing in it passes from one call to the next: what a
+    relation has not stays zero."""
+    signals = _Signals(
+        np.empty(_N), np.zeros(_N), np.zeros(_N), np.zeros((_N, COLUMNS)), np.zeros((_N, COLUMNS)),
+        np.zeros(COLUMNS), np.zeros(COLUMNS), np.zeros(COLUMNS), np.zeros(COLUMNS),
+    )  # fmt: skip
+    memory = new_memory(np.zeros(_ROWS))
+    before = memory.clock, memory.servo, memory.moment, memory.late_flow
+    return signals, (np.zeros(_FLOW), np.zeros(3), *before[:2]), before[2:]
+
+
 def new_segment() -> Segment:
     """Empty sums."""
     segment = Segment(
@@ -217,7 +232,7 @@ def new_segment() -> Segment:
     return segment
 
 
-@helper
+@lean
 def thrust_n(c, throttle, airspeed, density):  # type: ignore[no-untyped-def]
     """Thrust in N; a test compares it with ``aircraft.propulsion_thrust_n``.
 
@@ -238,7 +253,7 @@ def thrust_n(c, throttle, airspeed, density):  # type: ignore[no-untyped-def]
     return density * d * d * (d * d * c[3] * turns * turns + d * c[4] * v * turns + c[5] * v * v)
 
 
-@helper
+@lean
 def _surfaces(row, dt, model, memory, to):  # type: ignore[no-untyped-def]
     """Position against what the servo makes of the command that was held since the last sample."""
     for j in range(3):
@@ -257,7 +272,7 @@ def _surfaces(row, dt, model, memory, to):  # type: ignore[no-untyped-def]
         to.d[j, 0], to.d[j, 1], to.d[j, 2] = 1.0, -modelled, (late - modelled) / LATER_S
 
 
-@helper
+@lean
 def _attitudes(row, dt, gyro_rate, model, memory, to):  # type: ignore[no-untyped-def]
     """Euler angles against what the rates make of them."""
     psi, rate = to.psi, to.rate
@@ -290,7 +305,7 @@ def _attitudes(row, dt, gyro_rate, model, memory, to):  # type: ignore[no-untype
             psi[relation, 1] = psi[relation, 2] = 0.0
 
 
-@helper
+@lean
 def _flow_of(row, model, flow):  # type: ignore[no-untyped-def]
     """Incidence, attitude, acceleration and specific force at the centre of gravity into ``flow``, in its order."""
     c = model.airframe
@@ -320,7 +335,7 @@ def _flow_of(row, model, flow):  # type: ignore[no-untyped-def]
     flow[18] = fy
 
 
-@helper
+@lean
 def _air(sample, dt, model, memory, flow, to):  # type: ignore[no-untyped-def]
     """Airspeed, angle of attack and sideslip against forces and rates.
 
@@ -369,7 +384,7 @@ def _air(sample, dt, model, memory, flow, to):  # type: ignore[no-untyped-def]
             flow[16 + relation - ALPHA] = estimate
 
 
-@helper
+@lean
 def _axial(row, model, memory, flow, to):  # type: ignore[no-untyped-def]
     """Specific force along x less thrust, and the drag that goes with the normal force."""
     c, density, v, smooth = model.airframe, row[_RHO], max(row[_V], 1.0), memory.clock[_AIRSPEED_SMOOTH]
@@ -390,7 +405,7 @@ def _axial(row, model, memory, flow, to):  # type: ignore[no-untyped-def]
     d[5] = -((faster - push) / 0.01 - 2.0 * drag + 2.0 * induced)
 
 
-@helper
+@lean
 def _ground(row, dt, memory, flow, to):  # type: ignore[no-untyped-def]
     """Wind: velocity over the ground less that through the air."""
     sin_a, cos_a, sin_b, cos_b, sin_t, cos_t, sin_p, cos_p = flow[:8]
@@ -412,7 +427,7 @@ def _ground(row, dt, memory, flow, to):  # type: ignore[no-untyped-def]
     to.d[EAST, 0], to.d[EAST, 1], to.d[EAST, 2] = -east, -north, 1.0
 
 
-@helper
+@lean
 def _filter(i, relation, dt, to, model, memory, segment):  # type: ignore[no-untyped-def]
     """One row takes one sample of its relation: (2), and the sums."""
     scalar, effect = memory.scalar, memory.effect
@@ -475,7 +490,7 @@ def _filter(i, relation, dt, to, model, memory, segment):  # type: ignore[no-unt
     scalar[i, _LAST] = scaled
 
 
-@helper
+@lean
 def _note_quick_motion(dt, memory, to):  # type: ignore[no-untyped-def]
     """What the mean of two samples misses of a rate between them is noise of z."""
     for i in range(ROLL, AXIAL):
@@ -483,7 +498,7 @@ def _note_quick_motion(dt, memory, to):  # type: ignore[no-untyped-def]
         to.more[i] = (COARSE * dt * change) ** 2 if memory.scalar[i, GOING] > 0.0 else 0.0
 
 
-@helper
+@lean
 def _note_repeats(i, reading, time_s, memory, to):  # type: ignore[no-untyped-def]
     """A relation's own reading: how often it repeats; one that repeats for less than ``HELD_S`` is none."""
     last = memory.scalar[i]
@@ -498,7 +513,7 @@ def _note_repeats(i, reading, time_s, memory, to):  # type: ignore[no-untyped-de
         last[_READING], last[_SINCE_S], last[REPEATS] = reading, time_s, 0.0
 
 
-@helper
+@lean
 def _without_held_airspeed(row, memory, to):  # type: ignore[no-untyped-def]
     """Velocity over the ground less airspeed is no new reading where the airspeed is that of a slower sensor, held: its
     error would count as often as it is held."""
@@ -507,7 +522,7 @@ def _without_held_airspeed(row, memory, to):  # type: ignore[no-untyped-def]
         to.z[NORTH] = to.z[EAST] = np.nan
 
 
-@helper
+@lean
 def _surprises(dt, to, model, memory, limit):  # type: ignore[no-untyped-def]
     """Whether some relation's innovation is beyond its limit; nothing is changed."""
     z, rate = to.z, to.rate
@@ -526,7 +541,7 @@ def _surprises(dt, to, model, memory, limit):  # type: ignore[no-untyped-def]
     return False
 
 
-@helper
+@lean
 def _smooth(row, dt, clock):  # type: ignore[no-untyped-def]
     """Airspeed and throttle over ``SMOOTHED_S``, as far as they are readings."""
     part = 1.0 - math.exp(-dt / SMOOTHED_S)
@@ -541,8 +556,8 @@ def _smooth(row, dt, clock):  # type: ignore[no-untyped-def]
         clock[_THROTTLE_SMOOTH] += part * (throttle - clock[_THROTTLE_SMOOTH])
 
 
-@whole
-def take_samples(values, first, model, memory, segment, limit):  # type: ignore[no-untyped-def]
+@hot
+def take_samples(values, first, model, memory, segment, limit, work):  # type: ignore[no-untyped-def]
     """Take in rows from ``first`` on, up to the end of the segment.
 
     Args:
@@ -552,17 +567,13 @@ def take_samples(values, first, model, memory, segment, limit):  # type: ignore[
         memory: ``Memory``, advanced.
         segment: ``Segment``, added to.
         limit: of e2/S, (relations,); a sample beyond it begins a segment.
+        work: ``new_work``.
 
     Returns:
         the row after the last one taken; less than the number of rows where the segment has come to its end before.
     """
-    to = _Signals(
-        np.empty(_N), np.zeros(_N), np.zeros(_N), np.zeros((_N, COLUMNS)), np.zeros((_N, COLUMNS)),
-        np.zeros(COLUMNS), np.zeros(COLUMNS), np.zeros(COLUMNS), np.zeros(COLUMNS),
-    )  # fmt: skip
-    flow, gyro_rate = np.zeros(19), np.zeros(3)
-    clock, before, servos = memory.clock, memory.clock.copy(), memory.servo.copy()
-    moments, late_flow = memory.moment.copy(), memory.late_flow.copy()
+    to, (flow, gyro_rate, before, servos), (moments, late_flow) = work
+    clock = memory.clock
     for n in range(first, values.shape[0]):
         row = values[n]
         dt = row[_T] - clock[_STAMP_S]

@@ -49,6 +49,7 @@ from wingwatch.monitor.detection.redundancy.samples import (
     Segment,
     new_memory,
     new_segment,
+    new_work,
     take_samples,
 )
 from wingwatch.monitor.detection.redundancy.segments import MOST_SEGMENTS, Segments
@@ -201,6 +202,7 @@ class RedundancyWatch:
         self._active = frozenset(np.flatnonzero(self.model.active).tolist())
         self._named = [h for h in self.hypotheses if h.cause not in ("unknown", "drag")]
         self._visible = Visible(self._named)
+        self._work = new_work()
         self._shown = lru_cache(_MOST_SHOWN)(self._shown_without)
         self._rough_drift = np.clip(least_drift(aircraft, self.model), *_DRIFTS)
         drift = np.array([RELATIONS[i].drift for i in ROWS])
@@ -222,7 +224,7 @@ class RedundancyWatch:
         while first < len(values):
             limit = _SURPRISE**2 * state.variance[:_N]
             model = changed(self.model, state.changed) if state.changed.any() else self.model
-            first = take_samples(values, first, model, state.memory, state.segment, limit)
+            first = take_samples(values, first, model, state.memory, state.segment, limit, self._work)
             if first < len(values):
                 yield self._close(state, float(values[first, 0]))
 
