@@ -21,7 +21,7 @@ LATENCY_S = 0.02
 TOKEN_LEASE_S = 10.0  # of a process that is frozen: Zenoh's own
 ASK_TIMEOUT_S = 2.0
 REPLACED_WITHIN_S = 5.0
-BOTH_FOR_S = 2.5  # two healthy workers watch the same vehicle: until the older one has looked
+STEADY_S = 1.5  # a worker that came back has looked at the leases by then
 CALM_S = LEASE_S + 2.0  # a worker is sure of others' absence so long after it came back
 
 
@@ -301,7 +301,6 @@ class World:
         self.longest_gap_s = 0.0
         self._written: dict[VehicleName, int] = {}
         self._unwatched_since_s: dict[VehicleName, float] = {}
-        self._both_since_s: dict[VehicleName, float] = {}
         self._later: list[tuple[float, int, Callable[[], None]]] = []
         self._serial = itertools.count()
         for _ in range(workers):
@@ -398,26 +397,23 @@ class World:
                 for p in self.running
                 if p.watching.get(vehicle) == self.database.rows.get(vehicle, "nobody")
             ]
-            watching = [p for p in well if vehicle in p.watching]
+            steady = [p for p in self.running if self.now_s - p.well_since_s > STEADY_S]
+            watching = [p.name for p in steady if vehicle in p.watching]
             if len(held) > 1:
                 raise Broken(f"{vehicle} is watched twice under one number")
-            self._keep(self._both_since_s, vehicle, len(watching) > 1)
             since_s = self._unwatched_since_s.get(vehicle)
-            self._keep(self._unwatched_since_s, vehicle, not held)
-            if len(watching) > 1 and self.now_s - self._both_since_s[vehicle] > BOTH_FOR_S:
-                raise Broken(f"{vehicle} is watched by {[p.name for p in watching]} for long")
+            if held:
+                self._unwatched_since_s.pop(vehicle, None)
+            else:
+                self._unwatched_since_s.setdefault(vehicle, self.now_s)
+            if len(watching) > 1:
+                raise Broken(f"{vehicle} is watched by {watching} at once")
             if since_s is not None and calm:
                 gap_s = self.now_s - since_s
                 self.longest_gap_s = max(self.longest_gap_s, gap_s)
                 calm_s = min(self.now_s - p.well_since_s for p in well)
                 if gap_s > REPLACED_WITHIN_S + TICK_S and calm_s > gap_s + CALM_S:
                     raise Broken(f"{vehicle} is not watched for {gap_s:.1f} s")
-
-    def _keep(self, since_s: dict[VehicleName, float], vehicle: VehicleName, holds: bool) -> None:
-        if holds:
-            since_s.setdefault(vehicle, self.now_s)
-        else:
-            since_s.pop(vehicle, None)
 
     def _note_well(self) -> None:
         for p in self.processes:
