@@ -215,10 +215,11 @@ class WatchKeeper:
         for name, lease in list(self._held.items()):
             if mine.get(name) != lease:
                 self._drop(name, lease.number)
+        unheld = {n: lease for n, lease in mine.items() if n not in self._held and n not in self._stopped}
         self._stopped &= set(mine)
         if self._stopped:
             self._give_up(list(self._stopped))
-        self._start({n: lease for n, lease in mine.items() if n not in self._held and n not in self._stopped})
+        self._start(unheld)
 
     def _situation(self, now_s: float) -> Situation:
         settled_s = max(self._linked_since_s, self._leased_since_s)

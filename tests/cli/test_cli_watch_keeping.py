@@ -230,6 +230,24 @@ def test_a_vehicle_that_cannot_be_started_does_not_keep_others_from_it() -> None
     of.check_end()
 
 
+def test_a_vehicle_that_was_released_while_the_database_did_not_answer_is_given_up_afterwards() -> None:
+    """And is not watched again by who released it, though the lease is still its own."""
+    of = world(workers=2)
+    first = of.processes[0]
+    name, before = next(iter(first.watching)), numbers(of)
+    of.database_outage(6.0)
+    first.load = 1.3
+    answers: list[bytes | None] = []
+    first.keeper.release(name, "w1", answers.append)
+    of.run(0.2)
+    assert [bool(answer) for answer in answers] == [True]  # with its checkpoint
+    assert of.database.rows[name].owner == "w0"
+    first.load = 0.0
+    of.run(30.0)
+    assert sum(numbers(of)) == sum(before) + 1
+    of.check_end()
+
+
 # -- drawn histories ----------------------------------------------------------------------------------
 
 
@@ -263,7 +281,7 @@ def test_the_checks_notice_a_keeper_that_does_not_let_go(monkeypatch: pytest.Mon
     of = world()
     monkeypatch.setattr(WatchKeeper, "_drop", lambda *_: None)
     of.freeze(of.processes[0], 10.0)
-    with pytest.raises(Broken, match="is watched by .* at once"):
+    with pytest.raises(Broken, match=r"is watched by .* at once"):
         of.run(30.0)
 
 
