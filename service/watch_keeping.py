@@ -24,7 +24,10 @@ __all__ = ["WatchKeeper"]
 
 _LOG = logging.getLogger(__name__)
 _EVERY_S = 1.0
-_LOOK_AT_ALL_S = 10.0
+_LOOK_AT_ALL_S = (
+    60.0  # what others hold matters only to whoever asks for it, and then a wrong answer makes it look
+)
+_LOOK_AT_THE_ABSENT_S = 5.0
 _LATE_S = 2.0
 """For so long a worker may be on the network without a lease: the database's clock may have jumped, or it is slow."""
 _ANSWER_S = 5.0
@@ -52,7 +55,7 @@ class WatchKeeper:
     def __init__(self, me: str, ports: KeeperPorts, clock: Callable[[], float]) -> None:
         self.me, self._ports, self._clock = me, ports, clock
         self._held: dict[VehicleName, Lease] = {}
-        self._stopped: set[VehicleName] = set()  # they could not be given up yet
+        self._stopped: set[VehicleName] = set()  # ours, and not watched: to be given up
         self._states: dict[VehicleName, tuple[float, bytes]] = {}  # handed over, and not taken yet
         self._leases: dict[VehicleName, Holder] = {}
         self._asked: dict[VehicleName, float] = {}
@@ -67,6 +70,7 @@ class WatchKeeper:
         self._linked_since_s = self._leased_since_s = float("inf")
         self._looked_s, self._seen = float("-inf"), frozenset[tuple[str, float]]()
         self._leaving_since_s: float | None = None
+        self._waiting = 0  # vehicles whose owner is absent, as far as we know
         self._counts = dict.fromkeys(
             ("taken", "asked", "not_released", "released", "lost", "failed_starts", "database_failures"), 0
         )
@@ -186,7 +190,8 @@ class WatchKeeper:
         """See who holds what: of others' leases only now and then, and whenever the workers are not the same."""
         workers = self._ports.members.workers().values()
         members = frozenset((worker.name, worker.capacity) for worker in workers)
-        everything = members != self._seen or now_s - self._looked_s >= _LOOK_AT_ALL_S
+        every_s = _LOOK_AT_THE_ABSENT_S if self._waiting else _LOOK_AT_ALL_S
+        everything = members != self._seen or now_s - self._looked_s >= every_s
         seen = self._ports.leases.look(self.me, everything)
         if not everything and self._has_moved(seen):
             everything, seen = True, self._ports.leases.look(self.me, True)
@@ -243,6 +248,7 @@ class WatchKeeper:
         self._states = {n: kept for n, kept in self._states.items() if now_s - kept[0] < _ANSWER_S}
         now = self._situation(now_s)
         plan = self._shares.decide(now)
+        self._waiting = plan.waiting
         self._take(plan.take)
         for ask in plan.ask:
             pace = self._moves if ask.owner in now.candidates else self._rescues
@@ -267,20 +273,20 @@ class WatchKeeper:
         names = list(taken)
         for start in range(0, len(names), _STARTED_AT_ONCE):
             for name in names[start : start + _STARTED_AT_ONCE]:
-                self._start_one(name, taken[name])
+                self._counts["taken"] += self._start_one(name, taken[name], self._state_of(name))
             self._renew_where_due()
 
-    def _start_one(self, name: VehicleName, lease: Lease) -> None:
+    def _start_one(self, name: VehicleName, lease: Lease, state: bytes | None) -> bool:
         self._held[name] = lease  # before it is watched: what it says at once is written under the lease
         try:
-            self._ports.watch.start(name, lease, self._state_of(name))
+            self._ports.watch.start(name, lease, state)
         except Exception:  # one vehicle must not keep the others from being watched
             _LOG.exception("%s/%s could not be taken over", *name)
             self._counts["failed_starts"] += 1
             self._held.pop(name, None)
             self._stopped.add(name)
-            return
-        self._counts["taken"] += 1
+            return False
+        return True
 
     def _state_of(self, name: VehicleName) -> bytes | None:
         """What was handed over with a vehicle, where that is not so old that others may have watched it since."""
@@ -316,6 +322,7 @@ class WatchKeeper:
         for one in asked:
             free = self._leaving_since_s is not None
             of_ours = one.vehicle in self._held and all(g.vehicle != one.vehicle for g in granted)
+            of_ours = of_ours and self.problem is None
             if of_ours and (free or allowed > 0) and self._shares.may_release(now, one.vehicle, one.asker):
                 granted.append(one)
                 if not free:
@@ -327,20 +334,26 @@ class WatchKeeper:
             self._release(granted)
 
     def _release(self, granted: Sequence["_Request"]) -> None:
+        """Stop, give up, answer. Where the database does not take it nobody could take over: we watch on."""
         names = [one.vehicle for one in granted]
-        states: Mapping[VehicleName, bytes] = {}
         try:
             states = self._ports.watch.stop(names)
-        finally:  # whatever happened, they are not watched any more
-            for name in names:
-                self._held.pop(name, None)
-            self._stopped |= set(names)
-            try:
-                self._give_up(names)
-            finally:  # the checkpoint is worth something also where the database does not answer
-                for one in granted:
-                    one.answer(states.get(one.vehicle, b""))
-                self._counts["released"] += len(names)
+        except Exception:  # whatever happened, they are not watched any more
+            _LOG.exception("%d vehicles are released without a checkpoint", len(names))
+            states = {}
+        leases = {name: self._held.pop(name) for name in names}
+        try:
+            self._give_up(names)
+        except DatabaseError:
+            for one in granted:
+                self._start_one(one.vehicle, leases[one.vehicle], states.get(one.vehicle))
+                one.answer(None)
+            self._due_s = float("-inf")  # it may have taken it all the same: look at once
+            self.news.set()
+            raise
+        for one in granted:
+            one.answer(states.get(one.vehicle, b""))
+        self._counts["released"] += len(names)
 
     def _give_up(self, names: Sequence[VehicleName]) -> None:
         self._ports.leases.give_up(self.me, names)

@@ -1,13 +1,13 @@
 """Workers that share a fleet, in simulated time: no vehicle is watched twice, and none is left alone for long."""
 
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 import pytest
 from watch_histories import history
 from watch_world import Broken, Process, World
 
-from wingwatch.baselines import LEASE_S, Lease
+from wingwatch.baselines import LEASE_S, DatabaseError, Lease, VehicleName
 from wingwatch.service.shares import Shares, Situation
 from wingwatch.service.watch_keeping import WatchKeeper
 
@@ -230,21 +230,34 @@ def test_a_vehicle_that_cannot_be_started_does_not_keep_others_from_it() -> None
     of.check_end()
 
 
-def test_a_vehicle_that_was_released_while_the_database_did_not_answer_is_given_up_afterwards() -> None:
-    """And is not watched again by who released it, though the lease is still its own."""
+@pytest.mark.parametrize("reply", ["is not reached", "is reached, and its reply is lost"])
+def test_a_vehicle_is_not_released_where_the_database_does_not_take_that(
+    reply: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nobody could take it over, so its owner watches on with the state that it had, until it knows better."""
     of = world(workers=2)
-    first = of.processes[0]
+    first, second = of.processes
     name, before = next(iter(first.watching)), numbers(of)
-    of.database_outage(6.0)
-    first.load = 1.3
+    first.load, leases = 1.3, first.keeper._ports.leases
+    give_up = leases.give_up
     answers: list[bytes | None] = []
-    first.keeper.release(name, "w1", answers.append)
-    of.run(0.2)
-    assert [bool(answer) for answer in answers] == [True]  # with its checkpoint
-    assert of.database.rows[name].owner == "w0"
+
+    def failing(owner: str, vehicles: Collection[VehicleName]) -> None:
+        if reply != "is not reached":
+            give_up(owner, vehicles)
+        monkeypatch.setattr(leases, "give_up", give_up)
+        raise DatabaseError("the database cannot be reached")
+
+    monkeypatch.setattr(leases, "give_up", failing)
+    first.keeper.release(name, second.name, answers.append)
+    first.turn()
+    assert answers == [None]
+    assert name in first.watching
+    assert first.keeper.problem == "the database cannot be reached"
     first.load = 0.0
-    of.run(30.0)
-    assert sum(numbers(of)) == sum(before) + 1
+    of.run(10.0)
+    assert first.keeper.problem is None
+    assert of.database.rows[name].number == before[of.fleet.index(name)] + (reply != "is not reached")
     of.check_end()
 
 
