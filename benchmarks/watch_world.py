@@ -190,8 +190,8 @@ class Process:
 
     # -- watching
 
-    def heard(self) -> Collection[VehicleName]:
-        """Everybody hears the whole fleet."""
+    def known(self) -> Collection[VehicleName]:
+        """Everybody knows the whole fleet."""
         return self.world.fleet
 
     def start(self, vehicle: VehicleName, lease: Lease, state: bytes | None) -> None:
@@ -286,7 +286,7 @@ class World:
 
     Args:
         chance: draws everything that is random.
-        vehicles: that are heard from the start.
+        vehicles: that are known from the start.
     """
 
     def __init__(self, chance: random.Random, workers: int, vehicles: int) -> None:

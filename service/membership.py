@@ -111,7 +111,7 @@ class Membership:
         return self._connected()
 
     def workers(self) -> dict[str, Worker]:
-        """All that are there, this one included where it is seen, with their loads as last heard."""
+        """All that are there, this one included where it is seen, with their loads as last announced."""
         with self._lock:
             return {
                 # two tokens for a moment while a worker begins to leave: the smaller counts

@@ -1,4 +1,4 @@
-"""Which vehicles a worker should watch: a pure function of who is there, what is heard, and the leases.
+"""Which vehicles a worker should watch: a pure function of who is there, what vehicles are known, and the leases.
 
 Each vehicle has an order of the workers by weighted rendezvous hashing (Thaler and Ravishankar, 1998; weights as in
 Mosharaf and others: -capacity / ln h, h uniform by a hash of worker and vehicle): the first watches it. When a worker
@@ -61,7 +61,7 @@ class Situation:
         workers: on the network, by name, this one included.
         gone: of these, who has not renewed its lease for so long that it is taken for gone.
         settled: whether this worker has had network and database for long enough to believe that others are absent.
-        heard: vehicles that send or are announced.
+        known: vehicles that send or are announced.
         leases: as last seen.
         asked: vehicles whose release has been asked for and not been answered.
         moves: how many vehicles may be asked for to balance the load.
@@ -71,7 +71,7 @@ class Situation:
     me: str
     workers: Mapping[str, Worker]
     leases: Mapping[VehicleName, Holder]
-    heard: Collection[VehicleName] = ()
+    known: Collection[VehicleName] = ()
     gone: frozenset[str] = frozenset()
     settled: bool = True
     asked: Collection[VehicleName] = ()
@@ -151,7 +151,7 @@ class Shares:
         waiting = 0
         if now.me not in now.candidates:
             return Plan()
-        for vehicle in dict.fromkeys((*now.leases, *now.heard)):
+        for vehicle in dict.fromkeys((*now.leases, *now.known)):
             holder = now.leases.get(vehicle)
             owner = "" if holder is None else holder.owner
             if owner == now.me or self.target(vehicle, owner, now.candidates) != now.me:

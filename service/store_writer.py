@@ -43,7 +43,7 @@ class StoreWriter:
     Args:
         database: open.
         waiting: what others hand over.
-        fence: is told what was refused because another worker has the vehicle.
+        fence: gets what was refused because another worker has the vehicle.
         wall_clock: seconds since 1970-01-01 UTC.
         retention: how long the history of estimates is kept; it is not thinned without.
         end: set when the service ends; what waits then is written once.

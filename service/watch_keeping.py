@@ -234,7 +234,7 @@ class WatchKeeper:
             self.me,
             self._ports.members.workers(),
             self._leases,
-            self._ports.watch.heard(),
+            self._ports.watch.known(),
             frozenset(gone) if settled else frozenset(),
             settled,
             self._asked,

@@ -61,7 +61,7 @@ class MembersPort(Protocol):
 class WatchPort(Protocol):
     """What watches vehicles."""
 
-    def heard(self) -> Collection[VehicleName]:
+    def known(self) -> Collection[VehicleName]:
         """Vehicles that send or are announced."""
         ...
 

@@ -66,8 +66,8 @@ class ZenohMoves:
     def answer_from(self, keeper: Keeper) -> None:
         """From now on answer what other workers ask."""
         self._keeper = keeper
-        for what, heard in (("release", self._asked), ("taken", self._told)):
-            callback = zenoh.handlers.Callback(heard, indirect=False)
+        for what, note in (("release", self._asked), ("taken", self._note_taken)):
+            callback = zenoh.handlers.Callback(note, indirect=False)
             self._listening.append(self._session.declare_queryable(worker_key(self._me, what), callback))
 
     def ask(self, owner: str, vehicle: VehicleName, answered: Callable[[bytes | None], None]) -> None:
@@ -84,10 +84,10 @@ class ZenohMoves:
 
     def tell(self, owner: str, vehicle: VehicleName, number: int) -> None:
         """Say to a worker that its lease has passed on; no answer is waited for."""
-        told = self._question(vehicle, number=number)
+        announced = self._question(vehicle, number=number)
         with suppress(zenoh.ZError, KeyNameError):
             handler: Any = zenoh.handlers.Callback(lambda _: None, indirect=False)
-            self._session.get(worker_key(owner, "taken"), handler, payload=told, timeout=_TIMEOUT_S)
+            self._session.get(worker_key(owner, "taken"), handler, payload=announced, timeout=_TIMEOUT_S)
 
     @staticmethod
     def _question(vehicle: VehicleName, **more: str | int) -> bytes:
@@ -113,7 +113,7 @@ class ZenohMoves:
         if self._keeper is not None:
             self._keeper.release(vehicle, asker, answer)
 
-    def _told(self, query: Any) -> None:
+    def _note_taken(self, query: Any) -> None:
         try:
             question = _read(query)
             vehicle, number = _vehicle(question), question.get("number")

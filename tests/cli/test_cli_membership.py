@@ -112,8 +112,13 @@ def test_what_is_no_token_and_no_load_is_counted(
     router: zenoh.Session, endpoint: str, stack: ExitStack
 ) -> None:
     first = member(stack, endpoint, "w1")
-    until(lambda: "w1" in first.workers())
     root = "wingwatch/workers/v1"
+
+    def linked() -> bool:  # what is declared takes a moment to be known
+        router.put(f"{root}/w1/load", "0.5")
+        return first.workers() == {"w1": Worker("w1", 200, 0.5)}
+
+    until(linked)
     tokens = [f"{root}/alive/{what}" for what in ("W1/200", "w3/-1", "w3/many", "w3/1e3", f"w3/{10**9}")]
     declared = [router.liveliness().declare_token(key) for key in tokens]
     for load in ("much", "nan", "-1"):
@@ -147,7 +152,7 @@ class Answering:
 
     def __init__(self) -> None:
         self.asked: list[tuple[VehicleName, str]] = []
-        self.told: list[tuple[VehicleName, int]] = []
+        self.announced: list[tuple[VehicleName, int]] = []
         self.later: list[Callable[[bytes | None], None]] = []
         self.state: bytes | None = b"\0checkpoint" * 50_000
 
@@ -159,7 +164,7 @@ class Answering:
             answer(self.state)
 
     def taken(self, vehicle: VehicleName, number: int) -> None:
-        self.told.append((vehicle, number))
+        self.announced.append((vehicle, number))
 
 
 @pytest.fixture
@@ -168,12 +173,12 @@ def two(router: zenoh.Session, endpoint: str, stack: ExitStack) -> tuple[ZenohMo
     answering = stack.enter_context(ZenohMoves(session_of(stack, endpoint), "w2"))
     keeper = Answering()
     answering.answer_from(keeper)
-    heard: list[bytes | None] = []
+    answers: list[bytes | None] = []
 
     def reachable() -> bool:  # what is declared takes a moment to be known
-        asking.ask("w2", ("default", "trial"), heard.append)
-        until(lambda: bool(heard))
-        return heard.pop() is not None
+        asking.ask("w2", ("default", "trial"), answers.append)
+        until(lambda: bool(answers))
+        return answers.pop() is not None
 
     until(reachable)
     keeper.asked.clear()
@@ -184,41 +189,41 @@ def test_a_vehicle_is_asked_for_and_comes_with_its_checkpoint(
     two: tuple[ZenohMoves, Answering, ZenohMoves],
 ) -> None:
     asking, keeper, _ = two
-    heard: list[bytes | None] = []
-    asking.ask("w2", UAV, heard.append)
-    until(lambda: bool(heard))
+    answers: list[bytes | None] = []
+    asking.ask("w2", UAV, answers.append)
+    until(lambda: bool(answers))
     keeper.state = b""
-    asking.ask("w2", UAV, heard.append)
-    until(lambda: len(heard) == 2)
+    asking.ask("w2", UAV, answers.append)
+    until(lambda: len(answers) == 2)
     keeper.state = None
-    asking.ask("w2", UAV, heard.append)
-    until(lambda: len(heard) == 3)
-    assert heard == [b"\0checkpoint" * 50_000, b"", None]
+    asking.ask("w2", UAV, answers.append)
+    until(lambda: len(answers) == 3)
+    assert answers == [b"\0checkpoint" * 50_000, b"", None]
     assert keeper.asked == [(UAV, "w1")] * 3
 
 
-def test_an_answer_may_come_later_or_never_and_is_heard_once(
+def test_an_answer_may_come_later_or_never_and_counts_once(
     two: tuple[ZenohMoves, Answering, ZenohMoves], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asking, keeper, _ = two
     monkeypatch.setattr("wingwatch.service.worker_moves._TIMEOUT_S", 0.3)
-    heard: list[bytes | None] = []
-    asking.ask("nobody", UAV, heard.append)
-    until(lambda: heard == [None])
-    asking.ask("w2", ("default", "later"), heard.append)
-    until(lambda: heard == [None, None])
+    answers: list[bytes | None] = []
+    asking.ask("nobody", UAV, answers.append)
+    until(lambda: answers == [None])
+    asking.ask("w2", ("default", "later"), answers.append)
+    until(lambda: answers == [None, None])
     keeper.later.pop()(b"state")  # nobody waits any more
-    asking.ask("w2", ("default", "later"), heard.append)
+    asking.ask("w2", ("default", "later"), answers.append)
     until(lambda: bool(keeper.later))
     keeper.later.pop()(b"state")
-    until(lambda: heard == [None, None, b"state"])
+    until(lambda: answers == [None, None, b"state"])
 
 
-def test_a_worker_is_told_that_its_lease_has_passed_on(two: tuple[ZenohMoves, Answering, ZenohMoves]) -> None:
+def test_a_worker_learns_that_its_lease_has_passed_on(two: tuple[ZenohMoves, Answering, ZenohMoves]) -> None:
     asking, keeper, _ = two
     asking.tell("w2", UAV, 7)
     asking.tell("nobody", UAV, 7)
-    until(lambda: keeper.told == [(UAV, 7)])
+    until(lambda: keeper.announced == [(UAV, 7)])
 
 
 def test_questions_that_are_none_are_counted_and_not_answered(
@@ -234,7 +239,7 @@ def test_questions_that_are_none_are_counted_and_not_answered(
         )
     )
     until(lambda: answering.strange == len(questions) + 1)
-    assert (keeper.asked, keeper.told) == ([], [])
+    assert (keeper.asked, keeper.announced) == ([], [])
 
 
 # -- the whole ----------------------------------------------------------------------------------------------
@@ -247,7 +252,7 @@ class Watching:
         self.fleet = fleet
         self.states: dict[VehicleName, bytes | None] = {}
 
-    def heard(self) -> Collection[VehicleName]:
+    def known(self) -> Collection[VehicleName]:
         return self.fleet
 
     def start(self, vehicle: VehicleName, lease: Lease, state: bytes | None) -> None:

@@ -51,7 +51,7 @@ def test_of_a_worker_that_leaves_only_its_own_vehicles_move_and_to_all_others() 
 
 
 def test_the_order_is_the_same_everywhere() -> None:
-    """In every process of every version, whatever it heard first."""
+    """In every process of every version, whatever came first."""
     workers = there(a=1, b=1, c=1)
     backwards = dict(reversed(workers.items()))
     assert [Shares().order(v, workers) for v in FLEET[:50]] == [
@@ -88,11 +88,11 @@ FULL_A, OVER_A, OVER_B = Worker("a", 1.0, 0.9), Worker("a", 1.0, 1.2), Worker("b
 LEAVING_B, LEAVING_A = Worker("b", 0.0), Worker("a", 0.0)
 
 SITUATIONS: dict[str, tuple[dict[str, Any], Plan]] = {
-    "a new vehicle": ({"heard": [ABC]}, TAKE),
-    "a new vehicle at the start, when others may not be seen yet": ({"heard": [ABC], "settled": False}, TAKE),
-    "a new vehicle of another": ({"heard": [ABC], "me": "b"}, Plan()),
+    "a new vehicle": ({"known": [ABC]}, TAKE),
+    "a new vehicle at the start, when others may not be seen yet": ({"known": [ABC], "settled": False}, TAKE),
+    "a new vehicle of another": ({"known": [ABC], "me": "b"}, Plan()),
     "a vehicle that was given up": ({"leases": {ABC: FREE}}, TAKE),
-    "a vehicle that is silent, and given up": ({"leases": {ABC: FREE}, "heard": []}, TAKE),
+    "a vehicle that is silent, and given up": ({"leases": {ABC: FREE}, "known": []}, TAKE),
     "our own": ({"leases": {ABC: Holder("a", 3, True)}}, Plan()),
     "a join: it is another's, and we are the first": ({"leases": {ABC: HELD_BY_B}}, ASK_B),
     "a join seen by the others": ({"leases": {ABC: HELD_BY_B}, "me": "c"}, Plan()),
@@ -127,7 +127,7 @@ SITUATIONS: dict[str, tuple[dict[str, Any], Plan]] = {
     "a worker leaves, and we are not next": (
         {"leases": {ABC: Holder("a", 3, True)}, "workers": but(a=LEAVING_A), "me": "c"}, Plan(),
     ),
-    "we leave": ({"leases": {ABC: FREE}, "heard": [ABC], "workers": but(a=LEAVING_A)}, Plan()),
+    "we leave": ({"leases": {ABC: FREE}, "known": [ABC], "workers": but(a=LEAVING_A)}, Plan()),
     "a lot of work: the first calls nothing back": ({"leases": {ABC: HELD_BY_B}, "workers": but(a=FULL_A)}, Plan()),
     "a lot of work: another is first with room": (
         {"leases": {ABC: HELD_BY_C}, "workers": but(a=FULL_A), "me": "b"}, ASK_C,
@@ -147,9 +147,9 @@ SITUATIONS: dict[str, tuple[dict[str, Any], Plan]] = {
         {"leases": {ABC: HELD_BY_B}, "workers": {n: Worker(n, 1.0, 1.5) for n in "abc"}}, Plan(),
     ),
     "overload everywhere, and a new vehicle: the first has it, and leaves out what it must": (
-        {"heard": [ABC], "workers": {n: Worker(n, 1.0, 1.5) for n in "abc"}}, TAKE,
+        {"known": [ABC], "workers": {n: Worker(n, 1.0, 1.5) for n in "abc"}}, TAKE,
     ),
-    "a new vehicle goes to who has room": ({"heard": [ABC], "workers": but(a=OVER_A), "me": "b"}, TAKE),
+    "a new vehicle goes to who has room": ({"known": [ABC], "workers": but(a=OVER_A), "me": "b"}, TAKE),
 }  # fmt: skip
 
 

@@ -151,7 +151,7 @@ def test_an_outage_for_all_moves_nothing(what: str) -> None:
 
 
 def test_without_a_way_to_the_database_others_take_over() -> None:
-    """What such a worker finds could not be stored, and so never be told."""
+    """What such a worker finds could not be stored, and so never be announced."""
     of = world()
     cut_off = of.processes[0]
     cut_off.no_database_until_s = of.now_s + 30.0
