@@ -4,16 +4,20 @@ import threading
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import zenoh
 from loopback import free_endpoint
 
-from wingwatch.baselines import Lease, LeaseTable, VehicleName, open_database
+from wingwatch.baselines import Lease, LeaseLostError, LeaseTable, VehicleName, open_database
+from wingwatch.monitor import AlertState, AlertView
 from wingwatch.service.health import connected
 from wingwatch.service.membership import Membership, new_worker_name, worker_key
 from wingwatch.service.shares import Worker
+from wingwatch.service.store import DatabaseStore
+from wingwatch.service.stored_alerts import alert_record
 from wingwatch.service.watch_keeping import WatchKeeper
 from wingwatch.service.watch_ports import KeeperPorts
 from wingwatch.service.worker_moves import ZenohMoves
@@ -21,6 +25,11 @@ from wingwatch.telemetry import KeyNameError, ZenohSettings, open_session
 
 PATIENCE_S = 60.0
 UAV = ("default", "uav1")
+ALERT = AlertView(
+    id="a1", fleet="default", vehicle="uav1", kind="icing", cause="icing", level="warning",
+    state=AlertState.ACTIVE, raised_s=80.5, cleared_s=None, size=0.1, size_standard_error=0.02, probability=0.97,
+    basis="a-priori", text="Icing.", evidence=(), note=(),
+)  # fmt: skip
 
 
 def until(condition: Callable[[], bool]) -> None:
@@ -246,37 +255,53 @@ def test_questions_that_are_none_are_counted_and_not_answered(
 
 
 class Watching:
-    """Watches by noting; all workers hear the same fleet."""
+    """Watches by counting in an alert's text how often a vehicle was handed over; all know the same fleet."""
 
     def __init__(self, fleet: Collection[VehicleName]) -> None:
         self.fleet = fleet
-        self.states: dict[VehicleName, bytes | None] = {}
+        self.states: dict[VehicleName, bytes] = {}
+        self.store: DatabaseStore | None = None
 
     def known(self) -> Collection[VehicleName]:
         return self.fleet
 
     def start(self, vehicle: VehicleName, lease: Lease, state: bytes | None) -> None:
-        self.states[vehicle] = state
+        self.states[vehicle] = state or b""
+        self.say(vehicle)
+
+    def say(self, vehicle: VehicleName) -> None:
+        assert self.store is not None
+        self.store.save_alert(
+            replace(ALERT, id=vehicle[1], vehicle=vehicle[1], text=self.states[vehicle].decode())
+        )
 
     def stop(self, vehicles: Sequence[VehicleName]) -> Mapping[VehicleName, bytes]:
-        return {name: (self.states.pop(name) or b"") + b"+" for name in vehicles}
+        assert self.store is not None
+        assert self.store.wait_for(vehicles, PATIENCE_S)
+        return {name: self.states.pop(name) + b"+" for name in vehicles}
 
     def drop(self, vehicle: VehicleName, lease: Lease) -> None:
+        assert self.store is not None
         self.states.pop(vehicle)
+        self.store.drop(*vehicle, lease)
 
 
 class Running:
-    """A worker's keeper in a thread of its own, with a link and a database of its own."""
+    """A worker's keeper in a thread of its own, with a link, a database and a store of its own."""
 
     def __init__(self, endpoint: str, path: Path, name: str, fleet: Collection[VehicleName]) -> None:
         self.stack = ExitStack()
-        database = self.stack.enter_context(open_database(path))
+        self.database = self.stack.enter_context(open_database(path))
         session = session_of(self.stack, endpoint)
         members = Membership(session, name, 200, lambda: connected(session, link(endpoint)))
         moves = self.stack.enter_context(ZenohMoves(session, name))
         self.watching = Watching(fleet)
-        ports = KeeperPorts(LeaseTable(database), self.stack.enter_context(members), self.watching, moves)
+        ports = KeeperPorts(
+            LeaseTable(self.database), self.stack.enter_context(members), self.watching, moves
+        )
         self.keeper = WatchKeeper(name, ports, time.monotonic)
+        self.store = self.stack.enter_context(DatabaseStore(self.database, time.time, leases=self.keeper))
+        self.watching.store = self.store
         moves.answer_from(self.keeper)
         self.thread = threading.Thread(target=self.keeper.run, daemon=True)
         self.thread.start()
@@ -284,6 +309,10 @@ class Running:
     @property
     def has(self) -> set[VehicleName]:
         return set(self.watching.states)
+
+    @property
+    def alerts(self) -> dict[str, str]:
+        return {alert.id: alert.text for alert in self.database.alerts().items}
 
     def die(self) -> None:
         """Without a word: its link and its thread end."""
@@ -300,16 +329,25 @@ def test_workers_share_a_fleet_through_a_join_a_death_and_a_departure(endpoint: 
     first = Running(endpoint, path, "w1", fleet)
     until(lambda: first.has == fleet)
     second = Running(endpoint, path, "w2", fleet)
-    until(lambda: bool(second.has) and first.has | second.has == fleet and not first.has & second.has)
-    until(lambda: len(second.has) >= 3)  # by the names: 3 to 9 of 12 would do
-    assert set(second.watching.states.values()) == {b"+"}  # handed over with their checkpoints
+    until(lambda: len(second.has) >= 3)  # by the names
+    until(lambda: first.has | second.has == fleet and not first.has & second.has)
+    moved = second.has
+    assert {second.watching.states[name] for name in moved} == {b"+"}  # handed over with their checkpoints
+    until(lambda: first.alerts == {name[1]: "+" if name in moved else "" for name in fleet})
+    lost = next(iter(moved))
+    lease = second.keeper.lease_of(*lost)
     second.die()
     until(lambda: first.has == fleet)
+    until(lambda: set(first.alerts.values()) == {""})
+    with pytest.raises(LeaseLostError):
+        first.database.save_alert(alert_record(replace(ALERT, id=lost[1], vehicle=lost[1]), 1.0, 1.0), lease)
     third = Running(endpoint, path, "w3", fleet)
     until(lambda: len(third.has) >= 3)
     first.keeper.leave()
     assert first.keeper.left.wait(PATIENCE_S)
     until(lambda: third.has == fleet)
     assert first.has == set()
+    until(lambda: set(third.alerts.values()) == {"+"})
+    assert first.store.counts["fenced"] == third.store.counts["fenced"] == 0
     first.stack.close()
     third.die()
