@@ -125,8 +125,10 @@ def time_deciding(vehicles: int, of_worker: int) -> None:
     workers = {f"w{k}": Worker(f"w{k}", 250.0) for k in range(max(2, vehicles // of_worker))}
     fleet, shares = fleet_of(vehicles), Shares()
     now = Situation("w0", workers, {}, fleet)
-    row("order of every vehicle, once the workers are others", lambda: Shares().decide(now))
-    shares.decide(now)
+    joined = Situation("w0", workers | {"joins": Worker("joins", 250.0)}, {}, fleet)
+    row("order of every vehicle, at the start", lambda: Shares().decide(now))
+    row("  after a worker has joined", lambda: shares.decide(joined), lambda: shares.decide(now))
+    row("  after a worker has left", lambda: shares.decide(now), lambda: shares.decide(joined))
     row("decide, once a second", lambda: shares.decide(now))
 
 

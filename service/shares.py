@@ -7,7 +7,8 @@ the same order by itself; where two do not see the same workers the leases in th
 """
 
 import math
-from collections.abc import Collection, Mapping
+from bisect import insort
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from hashlib import blake2b
@@ -23,6 +24,7 @@ HAS_ROOM = 0.8
 """Load below which a worker takes what others watch. The gap between the two keeps vehicles from going to and fro."""
 
 _UNIFORM_BITS = 52
+_KEPT = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,23 +110,68 @@ class Plan:
     waiting: int = 0
 
 
-class Shares:
-    """Decides; it remembers the orders that it has computed for the present workers, and nothing else."""
+class _Orders:
+    """Orders of vehicles, followed as workers come and go: who joins costs one hash a vehicle, who leaves none.
+
+    Of each order the first few are kept; the rest is computed where it is asked for.
+    """
 
     def __init__(self) -> None:
-        self._of: frozenset[tuple[str, float]] = frozenset()
-        self._orders: dict[VehicleName, tuple[str, ...]] = {}
+        self._workers: dict[str, float] = {}
+        self._seen: Mapping[str, Worker] = {}
+        self._first: dict[VehicleName, list[tuple[float, str]]] = {}
+
+    def of(self, vehicle: VehicleName, candidates: Mapping[str, Worker]) -> Iterator[str]:
+        """Names of the workers, the first in the vehicle's order first."""
+        if candidates is not self._seen:
+            self._follow(candidates)
+        first = self._first.get(vehicle)
+        if not first:
+            first = self._first[vehicle] = _ranked(vehicle, candidates)[:_KEPT]
+        for _, name in first:
+            yield name
+        if len(first) < len(candidates):
+            for _, name in _ranked(vehicle, candidates)[len(first) :]:
+                yield name
+
+    def bound(self, vehicles: int) -> None:
+        """Forget what is of vehicles that are not known any more, once it is most."""
+        if len(self._first) > 2 * vehicles + 1000:
+            self._first.clear()
+
+    def _follow(self, candidates: Mapping[str, Worker]) -> None:
+        now = {worker.name: worker.capacity for worker in candidates.values()}
+        left = {name for name, capacity in self._workers.items() if now.get(name) != capacity}
+        joined = [w for w in candidates.values() if self._workers.get(w.name) != w.capacity]
+        stayed = len(self._workers) - len(left)
+        self._workers, self._seen = now, candidates
+        if not left and not joined:
+            return
+        for vehicle, first in self._first.items():
+            if left:
+                first[:] = [place for place in first if place[1] not in left]
+            # Nothing is known of the places behind those that are kept.
+            whole = len(first) == stayed
+            for worker in joined if first or whole else ():
+                place = -score(worker, vehicle), worker.name
+                if whole or place < first[-1]:
+                    insort(first, place)
+            del first[_KEPT:]
+
+
+def _ranked(vehicle: VehicleName, candidates: Mapping[str, Worker]) -> list[tuple[float, str]]:
+    return sorted((-score(worker, vehicle), worker.name) for worker in candidates.values())
+
+
+class Shares:
+    """Decides; it remembers the orders of vehicles among the present workers, and nothing else."""
+
+    def __init__(self) -> None:
+        self._orders = _Orders()
 
     def order(self, vehicle: VehicleName, candidates: Mapping[str, Worker]) -> tuple[str, ...]:
         """Names of the workers, the first in the vehicle's order first."""
-        of = frozenset((w.name, w.capacity) for w in candidates.values())
-        if of != self._of:
-            self._of, self._orders = of, {}
-        known = self._orders.get(vehicle)
-        if known is None:
-            ranked = sorted(candidates.values(), key=lambda w: (-score(w, vehicle), w.name))
-            known = self._orders[vehicle] = tuple(w.name for w in ranked)
-        return known
+        return tuple(self._orders.of(vehicle, candidates))
 
     def target(self, vehicle: VehicleName, holder: str, candidates: Mapping[str, Worker]) -> str | None:
         """Who should watch a vehicle that ``holder`` watches (empty: nobody); None where there is no worker.
@@ -133,15 +180,19 @@ class Shares:
         on where it is overloaded and anybody has room. Without a holder, and where nobody has room, those that are
         not overloaded come first.
         """
-        order = self.order(vehicle, candidates)
+
+        def first(suits: Callable[[Worker], bool]) -> str | None:
+            return next(
+                (name for name in self._orders.of(vehicle, candidates) if suits(candidates[name])), None
+            )
+
         mine = candidates.get(holder)
         if mine is not None and mine.load <= OVERLOADED:
-            return next(name for name in order if name == holder or candidates[name].has_room)
-        with_room = next((name for name in order if candidates[name].has_room), None)
+            return first(lambda worker: worker.name == holder or worker.has_room)
+        with_room = first(lambda worker: worker.has_room)
         if with_room is not None or mine is not None:
             return with_room or holder
-        spare = next((name for name in order if candidates[name].load <= OVERLOADED), None)
-        return spare or next(iter(order), None)
+        return first(lambda worker: worker.load <= OVERLOADED) or first(lambda _: True)
 
     def decide(self, now: Situation) -> Plan:
         """Which vehicles to take, and whom to ask for which."""
@@ -165,6 +216,7 @@ class Shares:
                 if left[pace] > 0:
                     left[pace] -= 1
                     asks.append(Ask(vehicle, owner))
+        self._orders.bound(len(now.leases) + len(now.known))
         return Plan(tuple(take), tuple(asks), waiting)
 
     def may_release(self, now: Situation, vehicle: VehicleName, asker: str) -> bool:

@@ -1,6 +1,7 @@
 """Who should watch which vehicle: even shares, few moves, and the right answer in every situation."""
 
 import math
+import random
 from collections import Counter
 from collections.abc import Mapping
 from typing import Any
@@ -61,6 +62,23 @@ def test_the_order_is_the_same_everywhere() -> None:
     drawn = 0x30F254A66ADB407E  # printf 'a\\0default\\0uav1' | b2sum -l 64
     assert score(Worker("a", 1.0), UAV) == pytest.approx(-1.0 / math.log(drawn / 2**64), rel=1e-9)
     assert score(Worker("a", 1.0), ("other", "uav1")) != score(Worker("a", 1.0), UAV)
+
+
+def test_orders_that_are_followed_are_those_computed_anew() -> None:
+    """Through joins, departures and changes of capacity, one at a time and several."""
+    chance, followed, fleet = random.Random(5), Shares(), FLEET[:40]
+    workers: dict[str, Worker] = {}
+    for step in range(150):
+        for _ in range(chance.choice((1, 1, 1, 5))):
+            name = f"w{chance.randrange(9)}"
+            if name in workers and chance.random() < 0.6:
+                workers.pop(name)
+            else:
+                workers[name] = Worker(name, chance.choice((1.0, 2.0)))
+        now = dict(workers)
+        for vehicle in chance.sample(fleet, 10):
+            assert followed.order(vehicle, now) == Shares().order(vehicle, now), step
+            assert followed.target(vehicle, "", now) == next(iter(Shares().order(vehicle, now)), None)
 
 
 # -- situations ---------------------------------------------------------------------------------------
