@@ -7,13 +7,13 @@ the check and the commit.
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
-from sqlalchemy import select, tuple_
+from sqlalchemy import ColumnElement, and_, or_, select
 from sqlalchemy.orm import Session
 
 from wingwatch.baselines.connection import RefusedError
 from wingwatch.baselines.tables import VehicleLeaseRow
 
-__all__ = ["Lease", "LeaseLostError", "VehicleName", "check_leases"]
+__all__ = ["Lease", "LeaseLostError", "VehicleName", "among", "check_leases"]
 
 VehicleName = tuple[str, str]
 """Fleet and vehicle."""
@@ -67,12 +67,24 @@ def check_leases(session: Session, leases: Mapping[VehicleName, Lease]) -> None:
         raise LeaseLostError(lost)
 
 
+def among(names: Collection[VehicleName]) -> ColumnElement[bool]:
+    """Condition for the leases of vehicles, of which there is at least one.
+
+    Fleet by fleet: SQLite looks pairs of columns up without the key's index.
+    """
+    fleets: dict[str, list[str]] = {}
+    for fleet, vehicle in names:
+        fleets.setdefault(fleet, []).append(vehicle)
+    row = VehicleLeaseRow
+    return or_(*(and_(row.fleet == fleet, row.vehicle.in_(those)) for fleet, those in fleets.items()))
+
+
 def _locked(session: Session, names: Sequence[VehicleName]) -> dict[VehicleName, Lease]:
     """Leases as they stand, locked against a change of hands (SQLite's transactions that write are alone already)."""
     row = VehicleLeaseRow
     wanted = (
         select(row.fleet, row.vehicle, row.owner, row.number)
-        .where(tuple_(row.fleet, row.vehicle).in_(names))
+        .where(among(names))
         .order_by(row.fleet, row.vehicle)
         .with_for_update(read=True)
     )

@@ -10,12 +10,12 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import Double, cast, delete, exists, extract, func, select, tuple_, update
+from sqlalchemy import Double, cast, delete, exists, extract, func, select, update
 from sqlalchemy.orm import Session
 
 from wingwatch.baselines.connection import inserting
 from wingwatch.baselines.database import Database
-from wingwatch.baselines.fencing import Lease, VehicleName
+from wingwatch.baselines.fencing import Lease, VehicleName, among
 from wingwatch.baselines.tables import VehicleLeaseRow, WorkerLeaseRow
 
 __all__ = ["LEASE_S", "Holder", "LeaseTable", "Leases"]
@@ -104,7 +104,7 @@ class LeaseTable:
             for start in range(0, len(names), _AT_ONCE):
                 some = names[start : start + _AT_ONCE]
                 _lock(session, some)
-                session.execute(update(VehicleLeaseRow).where(_among(some), _of(owner)).values(owner=_NOBODY))
+                session.execute(update(VehicleLeaseRow).where(among(some), _of(owner)).values(owner=_NOBODY))
 
     def forget(self, owner: str, vehicles: Collection[VehicleName]) -> None:
         """Remove the owner's leases of vehicles that nobody needs to watch any more."""
@@ -113,7 +113,7 @@ class LeaseTable:
             for start in range(0, len(names), _AT_ONCE):
                 some = names[start : start + _AT_ONCE]
                 _lock(session, some)
-                session.execute(delete(VehicleLeaseRow).where(_among(some), _of(owner)))
+                session.execute(delete(VehicleLeaseRow).where(among(some), _of(owner)))
 
     def leave(self, owner: str) -> None:
         """Give up everything; workers that ended a day ago without that are forgotten with this."""
@@ -158,7 +158,7 @@ def _take(session: Session, owner: str, names: list[VehicleName]) -> dict[Vehicl
     mine = {name: lease for name, lease in found.items() if lease.owner == owner}
     free = [name for name, lease in found.items() if not workers.get(lease.owner, False)]
     if free:
-        changes = update(VehicleLeaseRow).where(_among(free))
+        changes = update(VehicleLeaseRow).where(among(free))
         session.execute(changes.values(owner=owner, number=VehicleLeaseRow.number + 1))
     return mine | {name: Lease(owner, found[name].number + 1) for name in free}
 
@@ -170,7 +170,7 @@ def _lock(session: Session, names: list[VehicleName]) -> dict[VehicleName, Lease
     row = VehicleLeaseRow
     query = (
         select(row.fleet, row.vehicle, row.owner, row.number)
-        .where(_among(names))
+        .where(among(names))
         .order_by(row.fleet, row.vehicle)
         .with_for_update()
     )
@@ -191,10 +191,6 @@ def _now_s(session: Session) -> Any:
     if session.connection().dialect.name == "postgresql":
         return cast(extract("epoch", func.clock_timestamp()), Double)
     return (func.julianday("now") - 2440587.5) * 86_400.0
-
-
-def _among(names: list[VehicleName]) -> Any:
-    return tuple_(VehicleLeaseRow.fleet, VehicleLeaseRow.vehicle).in_(names)
 
 
 def _of(owner: str) -> Any:
