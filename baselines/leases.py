@@ -10,7 +10,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import Double, cast, delete, exists, extract, func, select, update
+from sqlalchemy import Double, and_, cast, delete, exists, extract, func, select, update
 from sqlalchemy.orm import Session
 
 from wingwatch.baselines.connection import inserting
@@ -26,6 +26,7 @@ LEASE_S = 3.0
 _NOBODY = ""
 _FORGET_S = 86_400.0
 _AT_ONCE = 500
+_ROUNDING_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +95,7 @@ class LeaseTable:
         names = sorted(set(vehicles))
         for start in range(0, len(names), _AT_ONCE):
             with self._database.writing() as session:
-                taken |= _take(session, owner, names[start : start + _AT_ONCE])
+                taken |= self._take(session, owner, names[start : start + _AT_ONCE])
         return taken
 
     def give_up(self, owner: str, vehicles: Collection[VehicleName]) -> None:
@@ -133,7 +134,7 @@ class LeaseTable:
             everything: all of them; else the owner's own, and those that may be taken.
         """
         with self._database.reading() as session:
-            workers = _workers(session)
+            workers = self._workers(session)
             query = select(
                 VehicleLeaseRow.fleet, VehicleLeaseRow.vehicle, VehicleLeaseRow.owner, VehicleLeaseRow.number
             )
@@ -146,21 +147,28 @@ class LeaseTable:
             }
         return Leases(workers, vehicles, everything)
 
+    def _take(self, session: Session, owner: str, names: list[VehicleName]) -> dict[VehicleName, Lease]:
+        new = [{"fleet": f, "vehicle": v, "owner": _NOBODY, "number": 0} for f, v in names]
+        session.execute(inserting(session)(VehicleLeaseRow).values(new).on_conflict_do_nothing())
+        found = _lock(session, names)
+        # Looked at after the vehicles are locked: an owner that renewed in the meantime keeps them.
+        workers = self._workers(session)
+        if not workers.get(owner, False):
+            return {}
+        mine = {name: lease for name, lease in found.items() if lease.owner == owner}
+        free = [name for name, lease in found.items() if not workers.get(lease.owner, False)]
+        if free:
+            changes = update(VehicleLeaseRow).where(among(free))
+            session.execute(changes.values(owner=owner, number=VehicleLeaseRow.number + 1))
+        return mine | {name: Lease(owner, found[name].number + 1) for name in free}
 
-def _take(session: Session, owner: str, names: list[VehicleName]) -> dict[VehicleName, Lease]:
-    new = [{"fleet": f, "vehicle": v, "owner": _NOBODY, "number": 0} for f, v in names]
-    session.execute(inserting(session)(VehicleLeaseRow).values(new).on_conflict_do_nothing())
-    found = _lock(session, names)
-    # Looked at after the vehicles are locked: an owner that renewed in the meantime keeps them.
-    workers = _workers(session)
-    if not workers.get(owner, False):
-        return {}
-    mine = {name: lease for name, lease in found.items() if lease.owner == owner}
-    free = [name for name, lease in found.items() if not workers.get(lease.owner, False)]
-    if free:
-        changes = update(VehicleLeaseRow).where(among(free))
-        session.execute(changes.values(owner=owner, number=VehicleLeaseRow.number + 1))
-    return mine | {name: Lease(owner, found[name].number + 1) for name in free}
+    def _workers(self, session: Session) -> dict[str, bool]:
+        """Owners, and whether each has renewed in time."""
+        now_s, until_s = _now_s(session), WorkerLeaseRow.until_s
+        # One that ends later than any can was written before the clock was set back: its owner may be dead.
+        renewed = and_(until_s > now_s, until_s < now_s + self._lease_s + _ROUNDING_S)
+        query = select(WorkerLeaseRow.owner, renewed)
+        return {owner: bool(valid) for owner, valid in session.execute(query)}
 
 
 def _lock(session: Session, names: list[VehicleName]) -> dict[VehicleName, Lease]:
@@ -177,13 +185,6 @@ def _lock(session: Session, names: list[VehicleName]) -> dict[VehicleName, Lease
     return {
         (fleet, vehicle): Lease(owner, number) for fleet, vehicle, owner, number in session.execute(query)
     }
-
-
-def _workers(session: Session) -> dict[str, bool]:
-    """Owners, and whether each has renewed in time."""
-    now_s = _now_s(session)
-    query = select(WorkerLeaseRow.owner, WorkerLeaseRow.until_s > now_s)
-    return {owner: bool(valid) for owner, valid in session.execute(query)}
 
 
 def _now_s(session: Session) -> Any:

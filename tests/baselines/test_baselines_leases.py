@@ -89,6 +89,19 @@ def test_a_worker_that_has_not_renewed_takes_nothing(table: Table) -> None:
     assert table.leases.take("a", [UAV1]) == {}
 
 
+def test_a_lease_from_before_the_clock_was_set_back_does_not_hold(table: Table) -> None:
+    """Its owner may be dead, and nobody would watch its vehicles for as long as that; one that lives renews."""
+    for worker in ("a", "b"):
+        table.leases.renew(worker)
+    table.leases.take("a", [UAV1])
+    table.run_out("a", -3600.0)
+    assert table.leases.look("b").workers == {"a": False, "b": True}
+    table.leases.renew("a")
+    assert table.leases.look("b").workers == {"a": True, "b": True}
+    table.run_out("a", -3600.0)
+    assert table.leases.take("b", [UAV1]) == {UAV1: Lease("b", 2)}
+
+
 def test_a_look_at_the_own_leaves_out_what_others_hold(table: Table) -> None:
     for worker in ("a", "b"):
         table.leases.renew(worker)
