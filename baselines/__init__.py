@@ -55,6 +55,8 @@ from wingwatch.baselines.reference import Reference, posteriors
 
 if TYPE_CHECKING:
     from wingwatch.baselines.database import Database, DatabaseError, RefusedError, open_database
+    from wingwatch.baselines.fencing import Lease, LeaseLostError, VehicleName
+    from wingwatch.baselines.leases import LEASE_S, Holder, Leases, LeaseTable
     from wingwatch.baselines.ledger import BaselineContent, BaselineLedger, Teaching
     from wingwatch.baselines.reverting import Reverted, Selection
 
@@ -81,6 +83,13 @@ __all__ = [
     "Database",
     "DatabaseError",
     "RefusedError",
+    "Lease",
+    "LeaseLostError",
+    "VehicleName",
+    "LEASE_S",
+    "Holder",
+    "Leases",
+    "LeaseTable",
     "ActionRecord",
     "AlertPage",
     "AlertRecord",
@@ -113,4 +122,8 @@ def __getattr__(name: str) -> Any:
         return getattr(import_module("wingwatch.baselines.database"), name)
     if name in ("BaselineLedger", "BaselineContent", "Teaching", "Reverted", "Selection"):
         return getattr(import_module("wingwatch.baselines.ledger"), name)
+    if name in ("Lease", "LeaseLostError", "VehicleName"):
+        return getattr(import_module("wingwatch.baselines.fencing"), name)
+    if name in ("LEASE_S", "Holder", "Leases", "LeaseTable"):
+        return getattr(import_module("wingwatch.baselines.leases"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -6,7 +6,7 @@ one engine, and a session of its own for each call.
 
 import os
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, fields, replace
 from typing import Any
@@ -39,6 +39,7 @@ from wingwatch.baselines.connection import (
     upgrade,
     writing,
 )
+from wingwatch.baselines.fencing import Lease, LeaseLostError, VehicleName, check_leases
 from wingwatch.baselines.flight_history import FlightRecord, HistoryColumns, HistoryKey
 from wingwatch.baselines.records import (
     ActionRecord,
@@ -66,7 +67,7 @@ from wingwatch.baselines.tables import (
     ReferenceRow,
 )
 
-__all__ = ["Database", "DatabaseError", "RefusedError", "open_database"]
+__all__ = ["Database", "DatabaseError", "LeaseLostError", "RefusedError", "open_database"]
 
 MAX_PAGE = 1000
 """Most alerts on one page."""
@@ -106,7 +107,8 @@ def open_database(
 class Database:
     """An open database; made by ``open_database``, ended by ``close`` or a ``with`` block.
 
-    Every method raises ``DatabaseError`` with one sentence where the database cannot do it.
+    Every method raises ``DatabaseError`` with one sentence where the database cannot do it. What is written under a
+    lease is refused with ``LeaseLostError`` where the lease no longer holds; without a lease nothing is checked.
     """
 
     def __init__(self, engine: Engine) -> None:
@@ -117,7 +119,7 @@ class Database:
         path = sqlite_file(engine)
         self._inode = path.stat().st_ino if path else None
         self._lock = threading.Lock()
-        self._flights: dict[tuple[str, str], estimate_history.OpenFlight] = {}
+        self._flights: dict[VehicleName, tuple[Lease | None, estimate_history.OpenFlight]] = {}
 
     def __enter__(self) -> "Database":
         return self
@@ -179,7 +181,12 @@ class Database:
             return tuple(expectation_record(row) for row in session.scalars(query))
 
     def save_reference(
-        self, key: ReferenceKey, reference: Reference, updated_at_s: float, after: int | None = None
+        self,
+        key: ReferenceKey,
+        reference: Reference,
+        updated_at_s: float,
+        after: int | None = None,
+        lease: Lease | None = None,
     ) -> None:
         """Store a new version; the last ``MAX_REFERENCE_HISTORY`` versions stay as its history.
 
@@ -190,6 +197,7 @@ class Database:
                 changed since, nothing is stored: the change would be undone.
         """
         with self.writing() as session:
+            _fence(session, key, lease)
             if _superseded(session, key, after):
                 return
             put_reference(session, ReferenceRecord(key, reference, updated_at_s))
@@ -213,12 +221,14 @@ class Database:
         memory: Reference,
         updated_at_s: float,
         after: int | None = None,
+        lease: Lease | None = None,
     ) -> None:
         """Store what a cell of the envelope taught, in place of what was stored of it; ``after`` as for a reference.
 
         A vehicle keeps ``MAX_CELLS`` of a structure; those longest not flown go first.
         """
         with self.writing() as session:
+            _fence(session, key, lease)
             one_writer(session.connection())
             if _superseded(session, key, after):
                 return
@@ -235,21 +245,23 @@ class Database:
                 for row in session.scalars(query)
             }
 
-    def save_alert(self, alert: AlertRecord) -> None:
+    def save_alert(self, alert: AlertRecord, lease: Lease | None = None) -> None:
         """Store an alert in place of what was stored under its id; the date of its first version stays.
 
         The same again changes nothing: whoever does not know whether it was stored may repeat it.
         """
         with self.writing(durable=True) as session:
+            _fence(session, alert, lease)
             _put_alert(session, alert)
 
-    def save_action(self, alert: AlertRecord, action: ActionRecord) -> None:
+    def save_action(self, alert: AlertRecord, action: ActionRecord, lease: Lease | None = None) -> None:
         """Store an alert as a person's action left it, and the action: both or neither.
 
         Raises:
             RefusedError: an action of that key is stored already.
         """
         with self.writing(durable=True) as session:
+            _fence(session, alert, lease)
             session.execute(insert(ActionRow).values(asdict(action)))
             _put_alert(session, alert)
 
@@ -261,9 +273,10 @@ class Database:
                 return None
             return ActionRecord(**{f.name: getattr(row, f.name) for f in fields(ActionRecord)})
 
-    def void_action(self, key: str, alert: AlertRecord) -> bool:
+    def void_action(self, key: str, alert: AlertRecord, lease: Lease | None = None) -> bool:
         """Undo an action: forget it, and store the alert as it stands without it; whether it was stored."""
         with self.writing(durable=True) as session:
+            _fence(session, alert, lease)
             found = session.scalar(delete(ActionRow).where(ActionRow.key == key).returning(ActionRow.key))
             if found is not None:
                 _put_alert(session, alert)
@@ -317,23 +330,30 @@ class Database:
         following = f"{rows[limit - 1].serial:x}" if len(rows) > limit else None
         return AlertPage(tuple(_alert(row) for row in rows[:limit]), following)
 
-    def append_estimates(self, rows: Sequence[tuple[EstimateRecord, float]]) -> None:
-        """Store estimates in one go; the same again changes nothing.
+    def append_estimates(
+        self,
+        rows: Sequence[tuple[EstimateRecord, float]],
+        leases: Mapping[VehicleName, Lease] | None = None,
+    ) -> None:
+        """Store estimates in one go, all or none; the same again changes nothing.
 
         A vehicle's flight ends when its clock goes back, its aircraft or configuration changes, or nothing has come of
         it for ten minutes.
 
         Args:
             rows: each with its wall clock, seconds since 1970-01-01 UTC.
+            leases: of the vehicles that are written under one.
         """
         if not rows:
             return
-        with self._lock:
-            known = dict(self._flights)
+        leases = leases or {}
+        with self._lock:  # a flight seen under another lease may not be the vehicle's last any more
+            known = {name: f for name, (lease, f) in self._flights.items() if lease == leases.get(name)}
         with self.writing() as session:
+            check_leases(session, leases)
             flights = estimate_history.append(session, rows, known)
         with self._lock:
-            self._flights.update(flights)
+            self._flights.update({name: (leases.get(name), flight) for name, flight in flights.items()})
             while len(self._flights) > _MOST_FLIGHTS:
                 self._flights.pop(next(iter(self._flights)))
 
@@ -399,6 +419,12 @@ class Database:
         engine = self._durable_engine if durable else self._write_engine
         with self._open(), Session(engine) as session, session.begin():
             yield session
+
+
+def _fence(session: Session, of: ReferenceKey | AlertRecord, lease: Lease | None) -> None:
+    """Make sure that the lease of a vehicle holds, where one is given."""
+    if lease is not None:
+        check_leases(session, {(of.fleet, of.vehicle): lease})
 
 
 def _superseded(session: Session, key: ReferenceKey, after: int | None) -> bool:

@@ -31,6 +31,8 @@ __all__ = [
     "FlightRow",
     "HistoryEntry",
     "ReferenceRow",
+    "VehicleLeaseRow",
+    "WorkerLeaseRow",
 ]
 
 _NON_FINITE = {"NaN": math.nan, "Infinity": math.inf, "-Infinity": -math.inf}
@@ -320,3 +322,25 @@ class HistoryEntry(Base):
     numbers: Mapped[bytes] = mapped_column(LargeBinary)
 
     __table_args__ = ({"sqlite_with_rowid": False},)
+
+
+class WorkerLeaseRow(Base):
+    """A worker that may hold vehicles, until ``until_s`` by the database's clock (seconds since 1970)."""
+
+    __tablename__ = "worker_lease"
+
+    owner: Mapped[str] = mapped_column(String(63), primary_key=True)
+    until_s: Mapped[float] = mapped_column(Double)
+
+
+class VehicleLeaseRow(Base):
+    """Who watches a vehicle (nobody where ``owner`` is empty); ``number`` grows whenever it changes hands."""
+
+    __tablename__ = "vehicle_lease"
+
+    fleet: Mapped[str] = mapped_column(String(63), primary_key=True)
+    vehicle: Mapped[str] = mapped_column(String(63), primary_key=True)
+    owner: Mapped[str] = mapped_column(String(63))
+    number: Mapped[int] = mapped_column(BigInteger)
+
+    __table_args__ = (Index("ix_vehicle_lease_owner", "owner"),)

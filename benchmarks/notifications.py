@@ -32,7 +32,7 @@ from rich.table import Table
 from saving import run_benchmark
 
 from wingwatch.api import KernelsView
-from wingwatch.baselines import Database
+from wingwatch.baselines import AlertRecord, Database, Lease
 from wingwatch.cli.simulated_fleet import SimulatedFleet
 from wingwatch.monitor import AlertState, AlertView
 from wingwatch.service.kernel_steps import AFTER_DEMO, DEMO
@@ -129,8 +129,8 @@ def noted(times: Times) -> Iterator[None]:
     """The database notes when it has an alert, the notifications when they hear of it."""
     save_plainly, hear_plainly = Database.save_alert, Notifications.hear
 
-    def save(self: Database, alert: Any) -> None:
-        save_plainly(self, alert)
+    def save(self: Database, alert: AlertRecord, lease: Lease | None = None) -> None:
+        save_plainly(self, alert, lease)
         times.committed.setdefault(alert.vehicle, time.monotonic())
 
     def hear(self: Notifications, news: Callable[[], Any]) -> None:

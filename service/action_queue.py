@@ -7,10 +7,22 @@ is missing, it is undone as soon as the database answers again, before anything 
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
+from typing import TypeVar
 from uuid import uuid4
 
-from wingwatch.baselines import ActionRecord, AlertRecord, Database, DatabaseError, RefusedError
+from wingwatch.baselines import (
+    ActionRecord,
+    AlertRecord,
+    Database,
+    DatabaseError,
+    Lease,
+    LeaseLostError,
+    RefusedError,
+)
 from wingwatch.monitor import ActionPlan, AlertView, KeyReusedError
+from wingwatch.service.stored_alerts import alert_record
+from wingwatch.service.vehicle_leases import Fence
 
 __all__ = ["ActionQueue"]
 
@@ -19,6 +31,8 @@ _MOST_UNDONE = 1000
 _PATIENCE_S = 3.0
 _KEPT_S = 7 * 86_400.0
 _FORGET_EVERY_S = 3600.0
+_MOVED = "has just passed to another worker; nothing has happened, try again"
+_Written = TypeVar("_Written")
 
 
 @dataclass(eq=False, slots=True)
@@ -43,7 +57,7 @@ class ActionQueue:
     """Actions that wait for the database.
 
     Args:
-        record: an alert as it is stored.
+        fence: gives each action the lease of its vehicle.
         wall_clock: seconds since 1970-01-01 UTC.
         wake: called when there is something to do.
         supersede: called with the id of an alert whose newer version has been written.
@@ -55,12 +69,12 @@ class ActionQueue:
     def __init__(
         self,
         database: Database,
-        record: Callable[[AlertView], AlertRecord],
+        fence: Fence,
         wall_clock: Callable[[], float],
         wake: Callable[[], None],
         supersede: Callable[[str], None],
     ) -> None:
-        self._database, self._record, self._wall_clock = database, record, wall_clock
+        self._database, self._fence, self._wall_clock = database, fence, wall_clock
         self._wake, self._supersede = wake, supersede
         self._lock = threading.Lock()
         self._orders: list[_Order] = []
@@ -138,7 +152,12 @@ class ActionQueue:
             void = list(self._void.items())
         for key, plan in void:
             newest = plan.newest()
-            if self._database.void_action(key, self._record(newest)):
+            void_action = partial(self._database.void_action, key, self._record(newest))
+            try:
+                undone = self._under_lease(newest, void_action)
+            except LeaseLostError:  # another worker has the vehicle: the action stands, and its key tells so
+                undone = False
+            if undone:
                 self.undone += 1
                 self._supersede(newest.id)
                 plan.written(newest)
@@ -148,10 +167,11 @@ class ActionQueue:
     def _carry_out(self, order: _Order) -> None:
         try:
             changed = self._committed(order)
+        except LeaseLostError as error:
+            self._refuse(order, DatabaseError(f"{'/'.join(error.vehicles[0])} {_MOVED}"))
+            return
         except (ValueError, RefusedError) as error:
-            if self._settle(order):
-                order.error = error
-                order.done.set()
+            self._refuse(order, error)
             return
         if not self._settle(order):
             return  # it is in the database, and its caller got a refusal: it is undone next
@@ -162,6 +182,28 @@ class ActionQueue:
         except Exception as error:
             order.error = error
         order.done.set()
+
+    def _refuse(self, order: _Order, error: Exception) -> None:
+        if self._settle(order):
+            order.error = error
+            order.done.set()
+
+    def _under_lease(self, alert: AlertView, write: Callable[[Lease | None], _Written]) -> _Written:
+        """Write under the lease of the alert's vehicle; ``LeaseLostError`` where another worker has it."""
+        name = alert.fleet, alert.vehicle
+        admitted, lease = self._fence.admits(*name)
+        if not admitted:
+            raise LeaseLostError([name])
+        try:
+            return write(lease)
+        except LeaseLostError as error:
+            self._fence.count(1)
+            self._fence.report(error, {name: lease})
+            raise
+
+    def _record(self, alert: AlertView) -> AlertRecord:
+        now_s = self._wall_clock()
+        return alert_record(alert, now_s, now_s)
 
     def _committed(self, order: _Order) -> AlertView | None:
         """The alert as it is now stored; None where an earlier request of the same key has done so."""
@@ -183,7 +225,7 @@ class ActionQueue:
         record = ActionRecord(
             order.key, request.alert_id, str(request.action), request.who, request.note, self._wall_clock()
         )
-        self._database.save_action(self._record(changed), record)
+        self._under_lease(changed, partial(self._database.save_action, self._record(changed), record))
         return changed
 
     def _settle(self, order: _Order) -> bool:

@@ -80,7 +80,7 @@ def test_a_thread_that_ended_is_told(service: Service) -> None:
     parts.outputs._news.set()
     until(lambda: problem(service, "zenoh") == "the loop that publishes has ended.")
     parts.store._end.set()
-    parts.store._news.set()
+    parts.store._writer.news.set()
     until(lambda: problem(service, "database").startswith("the loop that writes the database has"))
     with parts.diagnoses._changed:
         parts.diagnoses._ending = True
@@ -118,7 +118,7 @@ def test_a_write_that_hangs_is_told_after_a_minute(tmp_path: Path, monkeypatch: 
 def test_entries_that_are_refused_for_now_count_as_waiting() -> None:
     down = [True]
 
-    def append(_rows: object) -> None:
+    def append(_rows: object, _leases: object) -> None:
         if down[0]:
             raise DatabaseError("locked")
 
@@ -241,14 +241,14 @@ def test_a_loop_that_fails_is_started_again_and_goes_on(
     service: Service, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     store, fails = service._parts.store, iter([OSError("no more threads")])
-    writing = store._write
+    writing = store._writer._write
 
     def written() -> bool:
         for error in fails:
             raise error
         return writing()
 
-    monkeypatch.setattr(store, "_write", written)
+    monkeypatch.setattr(store._writer, "_write", written)
     store.append_estimates([ESTIMATE])
     until(lambda: "failed with OSError: no more threads and was started" in problem(service, "database"))
     until(lambda: service.counters()["loop"]["restarts_store"] == 1)

@@ -16,7 +16,7 @@ from cli_services import service_in
 
 from wingwatch.baselines import open_database
 from wingwatch.monitor import AlertState, AlertView
-from wingwatch.service.store import alert_record
+from wingwatch.service.stored_alerts import alert_record
 from wingwatch.telemetry import JSON, ZenohSettings, decode_service_object, open_session
 
 ALERT = AlertView(

@@ -123,13 +123,15 @@ def test_messages_in_hand_for_too_long_are_named_until_they_are_done(
     assert problem(service, "messages") == ""
 
 
-def test_a_database_that_fails_is_on_the_status_and_heals(service: Service) -> None:
+def test_a_database_that_fails_is_on_the_status_and_heals(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
     store = service._parts.store
-    store.write_problem = "the database is full"
+    monkeypatch.setattr(store._writer, "problem", "the database is full")
     said = httpx.get(f"{service.url}/v1/status").json()
     assert said["problems"]["database"] == said["database"] == "the database is full."
     assert problem(service, "database") == "the database is full."
-    store.write_problem = None
+    monkeypatch.setattr(store._writer, "problem", None)
     assert "database" not in httpx.get(f"{service.url}/v1/status").json()["problems"]
     assert problem(service, "database") == ""
 

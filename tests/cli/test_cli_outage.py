@@ -21,7 +21,8 @@ from wingwatch.aircraft import load_aircraft
 from wingwatch.baselines import DatabaseError, open_database
 from wingwatch.monitor import AlertAction, AlertState, AlertView, FleetMonitor, FleetPorts
 from wingwatch.service.patient import PatientReader
-from wingwatch.service.store import DatabaseStore, alert_record
+from wingwatch.service.store import DatabaseStore
+from wingwatch.service.stored_alerts import alert_record
 from wingwatch.simulation import Scenario, simulate
 from wingwatch.telemetry import PROTOBUF, AircraftMessage, SampleBlock, encode_aircraft, encode_sensors
 

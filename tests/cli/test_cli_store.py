@@ -20,6 +20,7 @@ from wingwatch.baselines import (
     Database,
     DatabaseError,
     EstimateRecord,
+    Lease,
     Reference,
     ReferenceKey,
     RefusedError,
@@ -39,7 +40,8 @@ from wingwatch.monitor import (
     VehicleMemory,
 )
 from wingwatch.monitor.detection.alerts import act
-from wingwatch.service.store import DatabaseStore, alert_record, alert_view
+from wingwatch.service.store import DatabaseStore
+from wingwatch.service.stored_alerts import alert_record, alert_view
 
 ALERT = AlertView(
     id="a1", fleet="default", vehicle="uav1", kind="icing", cause="icing", level="warning",
@@ -298,7 +300,7 @@ def test_an_action_that_the_database_does_not_take_in_time_has_not_happened(
     database: Database, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("wingwatch.service.action_queue._PATIENCE_S", 0.5)
-    monkeypatch.setattr("wingwatch.service.store._RETRY_S", 0.05)
+    monkeypatch.setattr("wingwatch.service.store_writer._RETRY_S", 0.05)
     with DatabaseStore(database, lambda: 1000.0) as store:
         stored_alert(store)
         plan = Plan("k1")
@@ -319,14 +321,14 @@ def test_an_action_whose_reply_was_lost_is_found_and_answered(
 ) -> None:
     save, lost = Database.save_action, [1]
 
-    def without_reply(self: Database, alert: AlertRecord, action: ActionRecord) -> None:
-        save(self, alert, action)
+    def without_reply(self: Database, alert: AlertRecord, action: ActionRecord, lease: Lease | None) -> None:
+        save(self, alert, action, lease)
         if lost:
             lost.pop()
             raise DatabaseError("the database cannot be reached")
 
     monkeypatch.setattr(Database, "save_action", without_reply)
-    monkeypatch.setattr("wingwatch.service.store._RETRY_S", 0.01)
+    monkeypatch.setattr("wingwatch.service.store_writer._RETRY_S", 0.01)
     with DatabaseStore(database, lambda: 1000.0) as store:
         stored_alert(store)
         plan = Plan()
@@ -341,9 +343,9 @@ def test_an_action_that_was_committed_after_its_caller_had_been_told_no_is_undon
     """As by a server that is frozen with the commit in its hands and goes on later."""
     save, thawed = Database.save_action, threading.Event()
 
-    def frozen(self: Database, alert: AlertRecord, action: ActionRecord) -> None:
+    def frozen(self: Database, alert: AlertRecord, action: ActionRecord, lease: Lease | None) -> None:
         thawed.wait(PATIENCE_S)
-        save(self, alert, action)
+        save(self, alert, action, lease)
 
     monkeypatch.setattr(Database, "save_action", frozen)
     monkeypatch.setattr("wingwatch.service.action_queue._PATIENCE_S", 0.3)
@@ -372,7 +374,7 @@ def test_actions_that_wait_are_bounded(
 def test_what_waits_is_bounded_and_what_is_dropped_is_counted(
     database: Database, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("wingwatch.service.store._MOST_ESTIMATES", 3)
+    monkeypatch.setattr("wingwatch.service.store_entries.MOST_ESTIMATES", 3)
     store = DatabaseStore(database, lambda: 0.0)  # its thread does not run yet
     store.append_estimates([replace(ESTIMATE, time_s=float(k)) for k in range(5)])
     assert store.counts["dropped_estimates"] == 2
@@ -388,8 +390,8 @@ def test_an_insert_whose_reply_was_lost_is_repeated_once_and_holds_nothing_up(
     save = Database.save_alert
     lost: list[AlertRecord] = []
 
-    def without_reply(self: Database, alert: AlertRecord) -> None:
-        save(self, alert)
+    def without_reply(self: Database, alert: AlertRecord, lease: Lease | None) -> None:
+        save(self, alert, lease)
         if not lost:
             lost.append(alert)
             raise DatabaseError(
@@ -397,7 +399,7 @@ def test_an_insert_whose_reply_was_lost_is_repeated_once_and_holds_nothing_up(
             )
 
     monkeypatch.setattr(Database, "save_alert", without_reply)
-    monkeypatch.setattr("wingwatch.service.store._RETRY_S", 0.01)
+    monkeypatch.setattr("wingwatch.service.store_writer._RETRY_S", 0.01)
     with DatabaseStore(database, lambda: 1000.0) as store:
         store.save_alert(ALERT)
         until(lambda: bool(lost) and store.problem is None)
@@ -413,13 +415,13 @@ def test_an_entry_that_the_database_refuses_is_given_up_and_the_others_do_not_wa
 ) -> None:
     save = Database.save_alert
 
-    def refusing(self: Database, alert: AlertRecord) -> None:
+    def refusing(self: Database, alert: AlertRecord, lease: Lease | None) -> None:
         if alert.id == "bad":
             raise RefusedError("the database cannot hold that entry")
-        save(self, alert)
+        save(self, alert, lease)
 
     monkeypatch.setattr(Database, "save_alert", refusing)
-    monkeypatch.setattr("wingwatch.service.store._RETRY_S", 0.01)
+    monkeypatch.setattr("wingwatch.service.store_writer._RETRY_S", 0.01)
     with DatabaseStore(database, lambda: 1000.0) as store:
         store.save_alert(replace(ALERT, id="bad"))
         store.save_alert(ALERT)
@@ -429,7 +431,7 @@ def test_an_entry_that_the_database_refuses_is_given_up_and_the_others_do_not_wa
     assert database.estimate_history("default", "uav1") == (ESTIMATE,)
     assert store.counts == {
         "failed_reads": 0, "retries": 5, "refused": 1, "dropped_estimates": 0, "dropped_alerts": 0, "dropped_memory": 0,
-        "withdrawn_actions": 0, "undone_actions": 0,
+        "withdrawn_actions": 0, "undone_actions": 0, "fenced": 0,
     }  # fmt: skip
     assert "given up after 5 tries" in caplog.text
 
@@ -437,7 +439,7 @@ def test_an_entry_that_the_database_refuses_is_given_up_and_the_others_do_not_wa
 def test_a_read_that_fails_is_no_empty_one_and_is_tried_again(
     database: Database, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("wingwatch.service.store._RETRY_S", 0.01)
+    monkeypatch.setattr("wingwatch.service.store_reader._RETRY_S", 0.01)
     load, faults = Database.load_reference, [3]
 
     def failing(self: Database, key: ReferenceKey) -> Reference | None:
