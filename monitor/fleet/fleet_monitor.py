@@ -23,11 +23,13 @@ from wingwatch.monitor.fleet.alerts import FleetAlerts
 from wingwatch.monitor.fleet.arrivals import FleetArrivals
 from wingwatch.monitor.fleet.checkpoints import FleetCheckpoints
 from wingwatch.monitor.fleet.context import FleetContext, Outgoing
-from wingwatch.monitor.fleet.diagnoses import AlertFlight, FleetRings, alert_flight
+from wingwatch.monitor.fleet.diagnoses import AlertFlight, alert_flight
 from wingwatch.monitor.fleet.intake import Intake
 from wingwatch.monitor.fleet.manoeuvres import judge_manoeuvres
 from wingwatch.monitor.fleet.member.known_vehicle import KnownVehicle
-from wingwatch.monitor.fleet.memory import keep, learned_blocks, note_changes, renew
+from wingwatch.monitor.fleet.member.shown import standing
+from wingwatch.monitor.fleet.member.states import Recalling, Watched
+from wingwatch.monitor.fleet.memory import adopt_late, keep, note_changes, recalled, renew
 from wingwatch.monitor.fleet.monitors import MonitorMaker
 from wingwatch.monitor.fleet.overload import FleetOverload
 from wingwatch.monitor.fleet.proposals import FleetProposals
@@ -38,7 +40,7 @@ from wingwatch.monitor.fleet.together import feed_together
 from wingwatch.monitor.fleet.views import FleetViews
 from wingwatch.monitor.ports import ActionRequest, Outputs, Store, VehicleMemory
 from wingwatch.monitor.record_views import FlightRecordView
-from wingwatch.monitor.vehicle.checkpoint import SavedVehicle, settings_of
+from wingwatch.monitor.vehicle.checkpoint import SavedVehicle
 from wingwatch.monitor.vehicle.vehicle_monitor import Report, VehicleMonitor
 from wingwatch.monitor.views import (
     SHELVED_S,
@@ -48,7 +50,6 @@ from wingwatch.monitor.views import (
     Event,
     FleetFigures,
     ManoeuvreView,
-    VehicleState,
     VehicleView,
 )
 from wingwatch.telemetry import (
@@ -122,7 +123,6 @@ class FleetMonitor:
         self._views = FleetViews(context, self._proposals)
         self._arrivals, self._overload = FleetArrivals(context, find_aircraft), FleetOverload(context)
         self._maker = MonitorMaker(new_id, self._settings.judge)
-        self._rings = FleetRings(self._settings.ring_channels)
         self._forgotten = 0
         self._solutions = 0
         self._held = 0
@@ -138,8 +138,8 @@ class FleetMonitor:
         """Every vehicle goes on from its checkpoint; to be called once, before the first message."""
         self._saving.resume(self._find, self._maker, self._alerts.follow_earlier)
         with self._lock:
-            self._behind |= {key: known for key, known in self._vehicles.items() if known.held}
-            self._held += sum(len(known.held) for known in self._behind.values())
+            self._behind |= {key: known for key, known in self._vehicles.items() if known.waiting}
+            self._held += sum(known.waiting for known in self._behind.values())
 
     def unsaved(self) -> Iterator[SavedVehicle]:
         """States that have changed since they were saved, for whoever ends the service; one copied at a time."""
@@ -178,7 +178,7 @@ class FleetMonitor:
                 news = self._taken_in(key, known, message)
                 if news:
                     outgoing.append((key, news))
-                if known.monitor is not None and known.held:
+                if known.watch is not None and known.waiting:
                     ready[key] = known
             for key in list(self._behind)[:_CAUGHT_UP_AT_ONCE]:
                 ready.setdefault(key, self._behind.pop(key))
@@ -193,7 +193,7 @@ class FleetMonitor:
         For the thread that calls ``receive_all``: a vehicle that sends more than is taken in waits there, and no other.
         """
         known = self._vehicles.get((fleet, vehicle))
-        return known is not None and len(known.held) >= _ENOUGH
+        return known is not None and known.waiting >= _ENOUGH
 
     def relieve(self, lags_s: Mapping[VehicleKey, float]) -> None:
         """Leave vehicles out while there is too much to compute; to be called about once a second.
@@ -219,7 +219,7 @@ class FleetMonitor:
     def held(self) -> bool:
         """Whether samples wait for the monitor of their vehicle to be made."""
         with self._lock:
-            return any(known.held for _, known in self._vehicles.items())
+            return any(known.waiting for _, known in self._vehicles.items())
 
     @property
     def intake(self) -> Mapping[str, int]:
@@ -229,8 +229,8 @@ class FleetMonitor:
     def _taken_in(self, key: VehicleKey, known: KnownVehicle, message: InboundMessage) -> Sequence[Outgoing]:
         """One message decoded; samples that can be used are held for ``_advance``."""
         if known.left_out and message.stream != "aircraft":
-            known.owner.heard_s = message.received_s
-            known.count("message_left_out")
+            known.messages.ignore(message.received_s)
+            known.counts.count("message_left_out")
             self._intake.count("message_left_out")
             return _NOTHING
         try:
@@ -242,7 +242,7 @@ class FleetMonitor:
                 became, news = self._sampled(key, known, samples, message.received_s)
         except MessageError as error:
             became, news = f"message_{error.reason}", _NOTHING
-            known.count(became)
+            known.counts.count(became)
         except Exception as error:  # one vehicle's fault must neither end the watch nor pass for health
             became, news = "faults", _NOTHING
             self._context.note_fault(*key, known, error)
@@ -256,8 +256,7 @@ class FleetMonitor:
         became, news = self._arrivals.sampled(key, known, message, at_s)
         if became == "sensors":
             self._held += known.hold(message)
-            if known.monitor is None and not known.recalled:
-                self._recall(*key, known)
+            self._recall(key, known)
         return became, news
 
     def _advance(self, ready: Mapping[VehicleKey, KnownVehicle]) -> list[tuple[VehicleKey, list[Outgoing]]]:
@@ -267,99 +266,78 @@ class FleetMonitor:
         """
         until_s = self._clock() + _AT_ONCE_S
         outgoing: list[tuple[VehicleKey, list[Outgoing]]] = []
-        going = [(key, known, known.monitor) for key, known in ready.items() if known.monitor is not None]
-        while going := [one for one in going if one[1].held]:
+        going = [(key, known, known.watch) for key, known in ready.items() if known.watch is not None]
+        while going := [one for one in going if len(one[2].samples)]:
             self._held -= len(going)
-            blocks = [known.held.popleft().block for _, known, _ in going]
-            reports = feed_together([monitor for _, _, monitor in going], blocks)
+            blocks = [watch.samples.take() for _, _, watch in going]
+            reports = feed_together([watch.monitor for _, _, watch in going], blocks)
             sound = []
             for one, block, report in zip(going, blocks, reports, strict=True):
-                key, known, _ = one
-                self._rings.add(known, block)
+                key, known, watch = one
+                watch.keep_samples(self._settings.ring_channels, block)
                 try:
                     if isinstance(report, Exception):
                         raise report
-                    self._rings.look(known)
-                    news = self._digest(*key, known, report)
+                    watch.look_for_contradictions()
+                    news = self._digest(key, known, watch, report)
                 except Exception as error:  # it must neither end the watch of others nor pass for health
                     self._context.note_fault(*key, known, error)
                     continue
                 sound.append(one)
-                known.unsaved = True
-                known.urgent |= bool(report.alerts)
+                known.saving.note_change(urgent=bool(report.alerts))
                 if news:
                     outgoing.append((key, news))
             going = sound
-            most = max((len(known.held) for _, known, _ in going), default=0)
+            most = max((len(watch.samples) for _, _, watch in going), default=0)
             if self._clock() >= until_s and most < _MOST_WAITING:
                 break
-        self._behind |= {
-            key: known for key, known in ready.items() if known.monitor is not None and known.held
-        }
+        behind = {key: known for key, known in ready.items() if known.watch is not None and known.waiting}
+        self._behind |= behind
         return outgoing
 
-    def _recall(self, fleet: str, vehicle: str, known: KnownVehicle) -> None:
-        """Start the vehicle's monitor with what is kept of it, or without after a while, and then add it later."""
-        store, aircraft, announced = self._context.store, known.aircraft, known.message
-        loading = known.loading
-        if aircraft is None or announced is None or loading is None or not (known.held or known.monitor):
+    def _recall(self, key: VehicleKey, known: KnownVehicle) -> None:
+        """Start the monitor of a vehicle whose samples wait: with what is kept of it, or without after a while."""
+        state = known.state
+        if not isinstance(state, Recalling) or not len(state.samples):
             return
-        if known.monitor is None and self._held < _MOST_HELD:
-            given = known.held[0].given
-            if not self._maker.ready(loading.aircraft, announced.configuration, given):
-                return
-        memory: VehicleMemory | None = VehicleMemory()
-        if store is not None:
-            ask = partial(store.recall, fleet, vehicle, aircraft, announced.configuration)
-            memory = self._context.guarded(ask)
-        if known.monitor is not None:
-            if memory is not None:
-                known.monitor.adopt(loading.recalled(memory))
-                known.recalled, known.late = True, True
-                known.change, known.renewed, known.renewal = memory.change, known.renewal, None
-                known.saved_blocks = sum(r.blocks for r in memory.references.values())
+        aircraft, message, given = state.basis.loading.aircraft, state.said.message, state.samples.given
+        if self._held < _MOST_HELD and not self._maker.ready(aircraft, message.configuration, given):
             return
-        now_s = self._clock()
-        known.recall_s = now_s if known.recall_s is None else known.recall_s
-        waiting = now_s - known.recall_s < self._settings.recall_patience_s and self._held < _MOST_HELD
-        if memory is None and waiting:
+        memory = recalled(self._context, key, state.said)
+        waited_s = known.note_recall(self._clock())
+        if memory is None and waited_s < self._settings.recall_patience_s and self._held < _MOST_HELD:
             return
-        given = known.held[0].given
-        known.monitor = self._maker.make(
-            fleet, vehicle, loading.aircraft, announced, given, loading.recalled(memory or VehicleMemory())
-        )
-        known.recalled, known.change = memory is not None, 0 if memory is None else memory.change
-        known.saved_blocks = learned_blocks(known.monitor)
-        known.given, known.settings = given, settings_of(known.monitor, given)
-        self._alerts.follow_earlier((fleet, vehicle), known)
+        kept = state.basis.loading.recalled(memory or VehicleMemory())
+        known.begin_watch(self._maker.make(*key, aircraft, message, given, kept), given, memory)
+        self._alerts.follow_earlier(key, known)
 
     # -- what it leads to ----------------------------------------------------------------------
 
-    def _digest(self, fleet: str, vehicle: str, known: KnownVehicle, report: Report) -> list[Outgoing]:
-        monitor = known.monitor
-        if monitor is None:
-            return []
+    def _digest(self, key: VehicleKey, known: KnownVehicle, watch: Watched, report: Report) -> list[Outgoing]:
+        """What samples led to is kept and shown; returns what is announced at once."""
         news: list[Outgoing] = []
         for alert in report.alerts:
             news += self._alerts.keep(alert)
-        judge_manoeuvres(self._context, (fleet, vehicle), known, report.manoeuvres)
-        pictures.note(known, report)
+        judge_manoeuvres(self._context, key, known, watch, report.manoeuvres)
+        pictures.note(watch, report)
         self._solutions += len(report.solutions)
         if report.solutions:
-            keep(self._context, (fleet, vehicle), known, report)
+            keep(self._context, key, watch, known.saving, report)
             latest = report.solutions[-1]
-            news.append(("derivatives", partial(self._derivatives_of, monitor, latest)))
-            self._context.event("derivatives", {"fleet": fleet, "vehicle": vehicle, "time_s": latest.time_s})
-        state, _ = known.standing(self._clock(), self._settings.stale_s)
-        if state is not known.shown:
-            news.append(self._shown(fleet, vehicle, known, state))
-        return news
+            news.append(("derivatives", partial(self._derivatives_of, watch.monitor, latest)))
+            self._context.event("derivatives", {"fleet": key[0], "vehicle": key[1], "time_s": latest.time_s})
+        return news + self._state_news(key, known, self._clock())
 
-    def _shown(self, fleet: str, vehicle: str, known: KnownVehicle, state: VehicleState) -> Outgoing:
-        """The state has changed to this one."""
-        known.shown = state
-        self._context.event("status", {"fleet": fleet, "vehicle": vehicle, "state": str(state)})
-        return "status", partial(self._views.one, (fleet, vehicle), known)
+    def _state_news(self, key: VehicleKey, known: KnownVehicle, now_s: float) -> list[Outgoing]:
+        """Its status, where its state is another one than was published last."""
+        state, _ = standing(known, now_s, self._settings.stale_s)
+        if not known.show(state):
+            return []
+        self._context.event("status", {"fleet": key[0], "vehicle": key[1], "state": str(state)})
+        return [self._status_of(key, known)]
+
+    def _status_of(self, key: VehicleKey, known: KnownVehicle) -> Outgoing:
+        return "status", partial(self._views.one, key, known)
 
     def _derivatives_of(self, monitor: VehicleMonitor, solution: Solution) -> Mapping[str, Any]:
         with self._lock:
@@ -367,13 +345,18 @@ class FleetMonitor:
 
     def _late_start(self, key: VehicleKey, known: KnownVehicle) -> list[Outgoing]:
         """What is held of a vehicle handed over, if it can be by now."""
-        if known.recalled and known.renewal is None:
+        watch = known.watch
+        if watch is not None and watch.memory.may_be_written:
             return []
         try:
-            if known.recalled:
-                renew(self._context, key, known, self._maker)
+            if watch is None:
+                self._recall(key, known)
+            elif not watch.memory.read:
+                adopt_late(self._context, key, watch)
+            else:
+                if renew(self._context, key, watch, self._maker):
+                    known.saving.note_change()
                 return []
-            self._recall(*key, known)
         except Exception as error:
             self._context.note_fault(*key, known, error)
             return []
@@ -394,17 +377,14 @@ class FleetMonitor:
             self._arrivals.new_second()
             note_changes(self._context)
             self._saving.save_some(dict(self._vehicles.items()))
-            self._held = sum(len(known.held) for _, known in self._vehicles.items())
+            self._held = sum(known.waiting for _, known in self._vehicles.items())
             forgotten, self._forgotten = self._vehicles.forgotten - self._forgotten, self._vehicles.forgotten
             for (fleet, vehicle), known in self._vehicles.items():
                 news = self._late_start((fleet, vehicle), known)
-                state, _ = known.standing(now, self._settings.stale_s)
-                if state is not known.shown:
-                    known.published_s = now
-                    news.append(self._shown(fleet, vehicle, known, state))
-                elif now - known.published_s >= self._settings.status_interval_s:
-                    known.published_s = now
-                    news.append(("status", partial(self._views.one, (fleet, vehicle), known)))
+                changed = self._state_news((fleet, vehicle), known, now)
+                if changed or now - known.published_s >= self._settings.status_interval_s:
+                    known.note_published(now)
+                    news += changed or [self._status_of((fleet, vehicle), known)]
                 due.append((fleet, vehicle, news))
             due += [(*key, [proposal]) for key, proposal in self._proposals.look()]
         self._alerts.repeat(earlier)
@@ -444,7 +424,9 @@ class FleetMonitor:
         """The vehicle's last ten manoeuvres, newest first; None for an unknown vehicle."""
         with self._lock:
             known = self._vehicles.get((fleet, vehicle))
-            return None if known is None else tuple(known.manoeuvres)
+            if known is None:
+                return None
+            return () if known.watch is None else tuple(known.watch.manoeuvres)
 
     def flight_record(self, fleet: str, vehicle: str) -> FlightRecordView | None:
         """What is kept of the vehicle's last hour for pictures; None for an unknown vehicle."""

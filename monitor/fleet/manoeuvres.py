@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from wingwatch.monitor.fleet.context import FleetContext
 from wingwatch.monitor.fleet.member.known_vehicle import KnownVehicle
+from wingwatch.monitor.fleet.member.states import Watched
 from wingwatch.monitor.fleet.roster import VehicleKey
 from wingwatch.monitor.vehicle.manoeuvre_verdict import verdict
 from wingwatch.monitor.vehicle.manoeuvre_watch import FlownManoeuvre
@@ -12,15 +13,16 @@ __all__ = ["judge_manoeuvres"]
 
 
 def judge_manoeuvres(
-    context: FleetContext, key: VehicleKey, known: KnownVehicle, flown: Sequence[FlownManoeuvre]
+    context: FleetContext,
+    key: VehicleKey,
+    known: KnownVehicle,
+    watch: Watched,
+    flown: Sequence[FlownManoeuvre],
 ) -> None:
     """Keep the verdicts on manoeuvres that have just ended, and tell listeners of events."""
     for one in flown:
-        if known.monitor is None:
-            return
-        known.manoeuvres_flown += 1
-        view = verdict(known.monitor, one, known.manoeuvres_flown)
-        known.manoeuvres.appendleft(view)
+        view = verdict(watch.monitor, one, known.number_manoeuvre())
+        watch.note_manoeuvre(view)
         context.event(
             "manoeuvre",
             {

@@ -7,6 +7,7 @@ from functools import partial
 from wingwatch.aircraft import FlightCondition
 from wingwatch.monitor.fleet.context import FleetContext, Outgoing
 from wingwatch.monitor.fleet.member.known_vehicle import KnownVehicle
+from wingwatch.monitor.fleet.member.shown import standing
 from wingwatch.monitor.fleet.roster import VehicleKey
 from wingwatch.monitor.vehicle.proposing import proposed_input
 from wingwatch.monitor.vehicle.vehicle_monitor import VehicleMonitor
@@ -111,7 +112,7 @@ class FleetProposals:
 
     def _may_be_flown(self, known: KnownVehicle) -> bool:
         """It sends, flies in calm air, and no alert is in force."""
-        state, _ = known.standing(self._context.clock(), self._context.settings.stale_s)
+        state, _ = standing(known, self._context.clock(), self._context.settings.stale_s)
         monitor = known.monitor
         if (
             monitor is None

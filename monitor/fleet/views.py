@@ -6,6 +6,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 from wingwatch.monitor.fleet.context import FleetContext
+from wingwatch.monitor.fleet.member import shown
 from wingwatch.monitor.fleet.member.known_vehicle import KnownVehicle
 from wingwatch.monitor.fleet.proposals import FleetProposals
 from wingwatch.monitor.fleet.roster import VehicleKey
@@ -83,12 +84,12 @@ class FleetViews:
     def _shown(self, key: VehicleKey, known: KnownVehicle, whole: bool) -> VehicleView:
         context = self._context
         try:
-            view = known.view(*key, context.clock(), context.settings.stale_s, context.ledger.ids)
+            view = shown.view(known, key, context.clock(), context.settings.stale_s, context.ledger.ids)
             view = replace(view, proposed_input=self._proposals.current(key, known))
             return replace(view, could_see=known.monitor.could_see()) if whole and known.monitor else view
         except Exception as error:  # one vehicle that cannot be shown must not hide the others
             context.note_fault(*key, known, error)
-            return known.bare_view(*key, VehicleState.UNKNOWN, known.fault_text)
+            return shown.bare_view(known, key, VehicleState.UNKNOWN, shown.fault_text(known))
 
     def figures(self, solutions: int, left_out: int) -> FleetFigures:
         """The fleet in numbers.
@@ -114,6 +115,6 @@ class FleetViews:
         """Add the states and counts of some vehicles; returns how many of their messages wait."""
         now_s = self._context.clock()
         for known in some:
-            states[known.standing(now_s, self._context.settings.stale_s)[0]] += 1
+            states[shown.standing(known, now_s, self._context.settings.stale_s)[0]] += 1
             known.add_counts(counts)
-        return sum(len(known.held) for known in some)
+        return sum(known.waiting for known in some)

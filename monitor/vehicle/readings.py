@@ -84,6 +84,11 @@ class VehicleReadings(ABC):
         return self._judge_state.references
 
     @property
+    def learned_blocks(self) -> int:
+        """Blocks that its references rest on; one more means there is something new to keep."""
+        return sum(r.blocks for r in self.references.values())
+
+    @property
     def air(self) -> AirQuality | None:
         """Gusts of the last half minute as of the last solution; None where they are not known."""
         return self.chain.air(self.chain_state)

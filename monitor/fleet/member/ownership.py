@@ -45,6 +45,23 @@ class Ownership:
         ended = self.left_s > self.heard_s - _FAREWELL_S
         return not ended and at_s - self.heard_s < silence_s
 
+    def hear(self, at_s: float) -> None:
+        """A message of its own came then."""
+        self.heard_s = at_s
+
+    def leave(self, at_s: float) -> None:
+        """Its liveliness token went then."""
+        self.left_s = at_s
+
+    def name(self, message: AircraftMessage) -> None:
+        """An aircraft message of its own, which may say its stream."""
+        self.named = message.stream is not None
+
+    def note_claim(self, message: AircraftMessage) -> None:
+        """What a second publisher announced, if it says its stream."""
+        if message.stream is not None:
+            self.claim = message
+
     def is_others(self, message: AircraftMessage, stream: Stream | None) -> bool:
         """Whether an aircraft message is not of the publisher with that stream, as far as can be said."""
         if stream is None or message.stream == stream:
