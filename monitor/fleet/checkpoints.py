@@ -77,14 +77,14 @@ class FleetCheckpoints:
         self,
         find: Callable[[str], Aircraft],
         maker: MonitorMaker,
-        follow: Callable[[VehicleKey, KnownVehicle], list[Outgoing]],
+        reinstate: Callable[[VehicleKey, KnownVehicle], list[Outgoing]],
     ) -> None:
         """Every vehicle goes on from its checkpoint.
 
         Args:
             find: the aircraft of a name; raises ValueError with one sentence for an unknown one.
             maker: of monitors.
-            follow: has a vehicle's monitor follow the alert of before; called with the lock held.
+            reinstate: has the alerts of before in force again in a vehicle's monitor; called with the lock held.
         """
         if self._checkpoints is None:
             return
@@ -104,7 +104,7 @@ class FleetCheckpoints:
                 continue
             known.messages.resume(saved.arrivals, saved.silent_s, context.clock())
             with context.lock:
-                news = follow(key, known)
+                news = reinstate(key, known)
                 if not context.vehicles.resume(key, known):
                     self._checkpoints.count("refused", f"there is no place for {key[0]}/{key[1]}")
                     continue

@@ -6,7 +6,7 @@ the service, the demo and the tests.
 
 import logging
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
@@ -127,19 +127,22 @@ class FleetMonitor:
         self._solutions = 0
         self._held = 0
         self._behind: dict[VehicleKey, KnownVehicle] = {}
+        self._recalling: dict[VehicleKey, KnownVehicle] = {}
+        self._full: frozenset[VehicleKey] = frozenset()
         self._intake = Intake()
         self._alerts.repeat(self._alerts.read_earlier(_START_PATIENCE_S))
 
     def prepare_with(self, executor: Executor) -> None:
         """Expectations of further types and loadings are worked out there from now on, while their samples wait."""
-        self._maker.executor = executor
+        self._maker.prepare_with(executor)
 
     def resume(self) -> None:
         """Every vehicle goes on from its checkpoint; to be called once, before the first message."""
-        self._saving.resume(self._find, self._maker, self._alerts.follow_earlier)
+        self._saving.resume(self._find, self._maker, self._alerts.reinstate_earlier)
         with self._lock:
             self._behind |= {key: known for key, known in self._vehicles.items() if known.waiting}
             self._held += sum(known.waiting for known in self._behind.values())
+            self._full = self._now_full()
 
     def unsaved(self) -> Iterator[SavedVehicle]:
         """States that have changed since they were saved, for whoever ends the service; one copied at a time."""
@@ -183,17 +186,18 @@ class FleetMonitor:
             for key in list(self._behind)[:_CAUGHT_UP_AT_ONCE]:
                 ready.setdefault(key, self._behind.pop(key))
             outgoing += self._advance(ready)
+            self._full = self._now_full()
             self._saving.save_some(ready)
         for (fleet, vehicle), news in outgoing:
             self._context.tell((fleet, vehicle), news)
 
-    def has_enough(self, fleet: str, vehicle: str) -> bool:
-        """Whether so much of the vehicle waits here that further messages of it are better left where they are.
+    @property
+    def full(self) -> Collection[VehicleKey]:
+        """Vehicles of which so much waits here that further messages of them are better left where they are.
 
-        For the thread that calls ``receive_all``: a vehicle that sends more than is taken in waits there, and no other.
+        As of the last call: a vehicle that sends more than is taken in waits with its caller, and no other.
         """
-        known = self._vehicles.get((fleet, vehicle))
-        return known is not None and known.waiting >= _ENOUGH
+        return self._full
 
     def relieve(self, lags_s: Mapping[VehicleKey, float]) -> None:
         """Leave vehicles out while there is too much to compute; to be called about once a second.
@@ -204,6 +208,7 @@ class FleetMonitor:
         with self._lock:
             self._overload.look(lags_s)
             self._behind = {key: known for key, known in self._behind.items() if not known.left_out}
+            self._full = self._now_full()
 
     @property
     def left_out(self) -> int:
@@ -257,7 +262,21 @@ class FleetMonitor:
         if became == "sensors":
             self._held += known.hold(message)
             self._recall(key, known)
+            if known.watch is None:
+                self._recalling[key] = known
         return became, news
+
+    def _now_full(self) -> frozenset[VehicleKey]:
+        """Of those that samples wait of, here or for their monitor."""
+        self._recalling = {
+            key: known
+            for key, known in self._recalling.items()
+            if known.watch is None and known.waiting and self._vehicles.get(key) is known
+        }
+        waiting = (*self._behind.items(), *self._recalling.items())
+        return frozenset(
+            key for key, known in waiting if known.waiting >= _ENOUGH and self._vehicles.get(key) is known
+        )
 
     def _advance(self, ready: Mapping[VehicleKey, KnownVehicle]) -> list[tuple[VehicleKey, list[Outgoing]]]:
         """Hand over what is held of vehicles that have a monitor, piece by piece, all vehicles at once.
@@ -309,7 +328,7 @@ class FleetMonitor:
             return
         kept = state.basis.loading.recalled(memory or VehicleMemory())
         known.begin_watch(self._maker.make(*key, aircraft, message, given, kept), given, memory)
-        self._alerts.follow_earlier(key, known)
+        self._alerts.reinstate_earlier(key, known)
 
     # -- what it leads to ----------------------------------------------------------------------
 
@@ -317,7 +336,9 @@ class FleetMonitor:
         """What samples led to is kept and shown; returns what is announced at once."""
         news: list[Outgoing] = []
         for alert in report.alerts:
-            news += self._alerts.keep(alert)
+            kept, announced = self._alerts.keep(alert)
+            watch.monitor.take_over(kept)
+            news += announced
         judge_manoeuvres(self._context, key, known, watch, report.manoeuvres)
         pictures.note(watch, report)
         self._solutions += len(report.solutions)
@@ -387,6 +408,7 @@ class FleetMonitor:
                     news += changed or [self._status_of((fleet, vehicle), known)]
                 due.append((fleet, vehicle, news))
             due += [(*key, [proposal]) for key, proposal in self._proposals.look()]
+            self._full = self._now_full()
         self._alerts.repeat(earlier)
         for fleet, vehicle, news in due:
             self._context.tell((fleet, vehicle), news)

@@ -38,8 +38,7 @@ class FleetOverload:
             lags_s: how long the oldest message of each vehicle has waited.
         """
         overload, vehicles = self._overload, self._context.vehicles
-        for key in [key for key in overload.left_out if vehicles.get(key) is None]:
-            overload.left_out.remove(key)
+        overload.forget({key for key in overload.left_out if vehicles.get(key) is None})
         watched = {key: known for key, known in vehicles.items() if known.watch and not known.left_out}
         in_time = {
             key: lag_s

@@ -23,7 +23,7 @@ _SHAPES = ("doublet", "3211")
 """Of a surface's first proposal, and of those that follow where it did not help: more of it is in the mode's band."""
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class _Proposed:
     """The latest proposal to one vehicle.
 
@@ -106,7 +106,7 @@ class FleetProposals:
         current = self.current(key, known)
         if current is None or self._may_be_flown(known):
             return None
-        self._proposed[key].withdrawn = True
+        self._proposed[key] = replace(self._proposed[key], withdrawn=True)
         now_s = None if known.monitor is None else known.monitor.last_sample_time_s
         return replace(current, valid_until_s=current.proposed_s if now_s is None else now_s)
 

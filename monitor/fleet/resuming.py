@@ -149,11 +149,11 @@ def agreed(
             monitor.take_over(known)
     airframe = [alert for alert in standing if alert.channel is None]
     if airframe and not _of_airframe(monitor):
-        monitor.follow_again(airframe[-1])
+        monitor.reinstate(airframe[-1])
     of_airframe = _of_airframe(monitor)
     for alert in standing:
         if alert.channel is not None and alert.id not in of_airframe:  # a diagnosis may have named its part
-            monitor.follow_again(alert)
+            monitor.reinstate(alert)
     return missing
 
 

@@ -2,6 +2,9 @@
 
 from collections.abc import Callable, Mapping, Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from wingwatch.aircraft import (
     DUTCH_ROLL,
     LATERAL,
@@ -37,7 +40,7 @@ from wingwatch.monitor.positions import position_of
 from wingwatch.monitor.state_codec import detached
 from wingwatch.monitor.vehicle.manoeuvre_watch import FlownManoeuvre, ManoeuvreWatch
 from wingwatch.monitor.vehicle.readings import VehicleReadings, suspected
-from wingwatch.monitor.vehicle.start import MonitorStart, Report, surface_kinds
+from wingwatch.monitor.vehicle.start import Judged, MonitorStart, Report, surface_kinds
 from wingwatch.monitor.vehicle.state import MonitorState, SavedSolution, WatchMemory
 from wingwatch.monitor.views import (
     AlertState,
@@ -49,8 +52,10 @@ from wingwatch.monitor.views import (
 )
 from wingwatch.telemetry import Aligner, Cleaner, SampleBlock, aligned_delays
 
-__all__ = ["MonitorStart", "Report", "VehicleMonitor", "note_worst", "surface_kinds", "suspected"]
+__all__ = ["Judged", "MonitorStart", "Report", "VehicleMonitor", "note_worst", "surface_kinds", "suspected"]
 
+
+Array = NDArray[np.float64]
 
 _COULD_SEE_S = 30.0
 _SET_BACK_S = 1.0  # what the cleaner takes for another clock, too
@@ -107,7 +112,6 @@ class VehicleMonitor(VehicleReadings):
         self._alerts = VehicleAlerts(self.book, self._relations)
         self._surfaces = SurfaceWatch(present, self._compared, self.relations.hypotheses)
         self._manoeuvres = ManoeuvreWatch(aircraft, present)
-        self._flown: list[FlownManoeuvre] = []
         self._could_see: tuple[float, Sequence[CouldSeeView]] | None = None
         self._memory = WatchMemory(surfaces=self._surfaces.init())
         self._worst: tuple[Solution, WorstDerivative | None] | None = None
@@ -170,12 +174,12 @@ class VehicleMonitor(VehicleReadings):
         self._judge_state = saved.judge
         self.book.resume(saved.book)
         self._relations.restore(saved.redundancy, saved.redundancy_book)
-        self._alerts.memory = saved.alerts
+        self._alerts.resume(saved.alerts)
         self.cells.resume(saved.cells)
         self._memory = saved.memory
         self._memory.latest = None if saved.latest is None else saved.latest.solution(self.chain)
 
-    def follow_again(self, alert: AlertView) -> None:
+    def reinstate(self, alert: AlertView) -> None:
         """An alert that was in force before a restart is so again, and was raised after this state was saved.
 
         A monitor that has seen blocks is on the same clock. For one that has not, all blocks may be part of the change:
@@ -184,7 +188,7 @@ class VehicleMonitor(VehicleReadings):
         known = self._memory.block is not None
         blocks_s = self.judge.config.patience_blocks * self.judge.config.block_s
         onset_s = alert.raised_s - blocks_s if known else float("-inf")
-        self._alerts.follow_again(alert, onset_s)
+        self._alerts.reinstate(alert, onset_s)
         self._memory.state = VehicleState.DEGRADED
 
     @property
@@ -228,7 +232,7 @@ class VehicleMonitor(VehicleReadings):
         """
         onset_s = self.book.onset_s
         if not by_person and onset_s is not None:
-            self._judge_state.blocks[:] = [b for b in self._judge_state.blocks if b.end_s <= onset_s]
+            self.judge.forget_since(self._judge_state, onset_s)
         self._alerts.dismiss_airframe()
         self._memory.state = VehicleState.NOT_OBSERVABLE
 
@@ -236,11 +240,10 @@ class VehicleMonitor(VehicleReadings):
         """Take in samples as they came (completed, not cleaned)."""
         report = Report()
         for solution in self.chain.advance(self.chain_state, self.prepared(block)):
-            report.solutions.append(solution)
-            if (changed := self.follow(solution)) is not None:
-                report.alerts.append(changed)
-        report.alerts.extend(self.after_samples())
-        report.manoeuvres.extend(self.take_flown())
+            judged = self.judge_solution(solution)
+            self.resume_estimates(judged)
+            report.add(solution, judged)
+        report.add_alerts(self.after_samples())
         return report
 
     def end_manoeuvre(self) -> FlownManoeuvre | None:
@@ -248,15 +251,10 @@ class VehicleMonitor(VehicleReadings):
         latest = self._memory.latest
         return None if latest is None else self._manoeuvres.end(latest)
 
-    def take_flown(self) -> list[FlownManoeuvre]:
-        """Manoeuvres that have ended since this was called last."""
-        flown, self._flown = self._flown, []
-        return flown
-
-    def follow(self, solution: Solution) -> AlertView | None:
-        """What the next solution of the chain leads to; an alert that was raised, changed or cleared."""
+    def judge_solution(self, solution: Solution) -> Judged:
+        """What the next solution of the chain leads to; its estimators go on by ``resume_estimates`` alone."""
         self._relations.up_to(solution.time_s, self.book.active is not None)
-        changed = self._judge_solution(solution)
+        changed, resumed = self._compare(solution)
         if changed is not None and self._relations.book.airframe_alarmed:
             self.book.dismiss()
             changed = self._relations.confirm(changed, solution.time_s)
@@ -265,12 +263,16 @@ class VehicleMonitor(VehicleReadings):
         if changed is not None:
             changed = self._alerts.announced([changed])[0]
         before, self._memory.latest = self._memory.latest, solution
-        if (flown := self._manoeuvres.look(before, solution)) is not None:
-            self._flown.append(flown)
+        flown = self._manoeuvres.look(before, solution)
         if self._memory.surfaces.begun_s is None:
             self._memory.surfaces.begun_s = solution.time_s
-        self._update_state(solution, before)
-        return changed
+        self._note_state(solution, before)
+        return Judged(changed, flown, resumed)
+
+    def resume_estimates(self, judged: Judged) -> None:
+        """In another cell of the envelope the estimators go on from what is remembered of it."""
+        for name, memory in judged.resumed.items():
+            self.chain.resume(self.chain_state, name, *memory)
 
     def after_samples(self) -> list[AlertView]:
         """After some samples: alerts by redundancy that were raised, changed or cleared in them.
@@ -321,8 +323,8 @@ class VehicleMonitor(VehicleReadings):
             name: str(e.provenance) if isinstance(e, Expectation) else "a-priori" for name, e in found.items()
         }
 
-    def _judge_solution(self, solution: Solution) -> AlertView | None:
-        """If blocks were closed, compare them and follow up."""
+    def _compare(self, solution: Solution) -> tuple[AlertView | None, dict[str, tuple[Array, Array]]]:
+        """If blocks were closed, compare them: what that leads to, and the memories of cells that are resumed."""
         closed = [
             (m, m.block)
             for s in self._compared
@@ -330,9 +332,8 @@ class VehicleMonitor(VehicleReadings):
             and m.comparable
             and not self._relations.book.doubts(s.states)
         ]  # what a wrong reading makes of derivatives is neither a change nor to be learned
-        if not closed:
-            return None
-        modes = {}
+        modes: dict[str, ModeBlock] = {}
+        resumed: dict[str, tuple[Array, Array]] = {}
         condition = None
         for mode, evidence in closed:
             found = condition_of(evidence.condition, self.configuration)
@@ -347,34 +348,34 @@ class VehicleMonitor(VehicleReadings):
             self._memory.outside = ""
             modes[mode.structure.name] = self.judge.mode_block(mode, evidence, expectation, condition)
             if not mode.reconstructed:
-                self._remember(mode, evidence, modes[mode.structure.name], condition)
+                memory = self._remembered(mode, evidence, modes[mode.structure.name], condition)
+                resumed |= {} if memory is None else {mode.structure.name: memory}
         if condition is None or not modes:
-            return None
+            return None, resumed
         block = BlockView(closed[0][1].end_s, condition, modes)
         before = self._memory.block
-        if before is not None and block.end_s < before.end_s - _SET_BACK_S and self.book.onset_s is not None:
-            self.book.onset_s = float(
-                "-inf"
-            )  # the clock was set back: by its stamps no block is before the onset
-        verdict = self.judge.consider(self._judge_state, block, self.book.onset_s)
+        if before is not None and block.end_s < before.end_s - _SET_BACK_S:
+            self.book.note_set_back()
+        onset_s = self.book.onset_s
+        verdict = self.judge.consider(self._judge_state, block, onset_s)
         self._memory.block, self._memory.verdict = block, verdict
-        return self.book.follow(
+        changed = self.book.follow(
             self.judge, self._judge_state, verdict, condition, solution.time_s, self.basis or "a-priori"
         )
+        if changed is not None and changed.state is AlertState.CLEARED and onset_s is not None:
+            self.judge.forget_change(self._judge_state, onset_s, CLEAR_BLOCKS)
+        return changed, resumed
 
-    def _remember(
+    def _remembered(
         self, mode: ModeSolution, evidence: BlockEvidence, seen: ModeBlock, condition: FlightCondition
-    ) -> None:
-        """The block joins the memory of its cell; in another cell than before, its memory is resumed."""
-        name = mode.structure.name
-        memory = self.cells.block(
-            name, evidence, condition, natural_size(seen.expected, seen.expected_covariance),
+    ) -> tuple[Array, Array] | None:
+        """The block joins the memory of its cell; in another cell than before, that is to be resumed."""
+        return self.cells.block(
+            mode.structure.name, evidence, condition, natural_size(seen.expected, seen.expected_covariance),
             alarmed=self.book.active is not None, rough=mode.rough,
         )  # fmt: skip
-        if memory is not None:
-            self.chain.resume(self.chain_state, name, *memory)
 
-    def _update_state(self, solution: Solution, before: Solution | None) -> None:
+    def _note_state(self, solution: Solution, before: Solution | None) -> None:
         m = self._memory
         seen = self.says_something
         if seen:

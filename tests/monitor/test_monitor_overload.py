@@ -214,18 +214,17 @@ def test_a_replay_that_is_behind_alone_is_no_overload(flight: SampleBlock) -> No
     assert hall.fleet.left_out == 0
 
 
-def test_a_vehicle_of_which_much_waits_is_said_to_have_enough(
+def test_a_vehicle_of_which_much_waits_is_said_to_be_full(
     flight: SampleBlock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     hall = Hall()
     hall.announce()
-    assert not hall.fleet.has_enough("default", "uav")
+    assert not hall.fleet.full
     monkeypatch.setattr("wingwatch.monitor.fleet.fleet_monitor._AT_ONCE_S", -1.0)
     for k in range(5):
         hall.sample(SampleBlock(flight.values[200 * k : 200 * (k + 1)]), k)
-    assert hall.fleet.has_enough("default", "uav")
-    assert not hall.fleet.has_enough("default", "another")
+    assert hall.fleet.full == {key("uav")}
     while hall.fleet.behind:
         hall.fleet.receive_all([])
-    assert not hall.fleet.has_enough("default", "uav")
+    assert not hall.fleet.full
     assert hall.view().counts["accepted"] == 1000

@@ -310,7 +310,9 @@ def test_a_state_that_a_fault_may_have_damaged_is_not_saved(
     flown(hall, flight, 0, 3)
     saved = len(checkpoints.handed_over)
     with monkeypatch.context() as patch:
-        patch.setattr("wingwatch.monitor.vehicle.vehicle_monitor.VehicleMonitor.follow", lambda *_: 1 / 0)
+        patch.setattr(
+            "wingwatch.monitor.vehicle.vehicle_monitor.VehicleMonitor.judge_solution", lambda *_: 1 / 0
+        )
         flown(hall, flight, 3, 5)
     flown(hall, flight, 5, 8)
     assert len(checkpoints.handed_over) == saved

@@ -89,7 +89,8 @@ class VehicleRelations:
 
     def restore(self, state: RedundancyState, book: RedundancyBookState) -> None:
         """Go on from what ``saved`` gave."""
-        self._state, self.book.state = state, book
+        self._state = state
+        self.book.resume(book)
 
     def _take(self, rows: int, airframe_alarmed: bool) -> None:
         block, self._waiting = self._waiting.values[:rows], SampleBlock(self._waiting.values[rows:])
