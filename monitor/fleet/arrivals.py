@@ -34,7 +34,7 @@ class FleetArrivals:
         """The vehicle's publisher has ended: its name is free."""
         known = self._context.vehicles.get(key)
         if known is not None:
-            known.messages.leave(at_s)
+            known.messages.owner.leave(at_s)
 
     def heard_of(self, key: VehicleKey, known: KnownVehicle, message: AircraftMessage, at_s: float) -> str:
         """What became of an aircraft message: a second publisher's is refused."""

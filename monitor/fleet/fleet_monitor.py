@@ -234,7 +234,7 @@ class FleetMonitor:
     def _taken_in(self, key: VehicleKey, known: KnownVehicle, message: InboundMessage) -> Sequence[Outgoing]:
         """One message decoded; samples that can be used are held for ``_advance``."""
         if known.left_out and message.stream != "aircraft":
-            known.messages.ignore(message.received_s)
+            known.messages.owner.hear(message.received_s)
             known.counts.count("message_left_out")
             self._intake.count("message_left_out")
             return _NOTHING

@@ -14,7 +14,7 @@ from fuzz_messages import Fuzzer
 
 from wingwatch.monitor import FleetMonitor, VehicleMonitor, VehicleState
 from wingwatch.monitor.estimation.chain import condition_of
-from wingwatch.monitor.fleet.member.pieces import PIECE_ROWS, PIECE_S, pieces
+from wingwatch.monitor.fleet.member.waiting import PIECE_ROWS, PIECE_S, pieces
 from wingwatch.telemetry import JSON, SampleBlock, SensorsMessage
 
 REQUIRED = (

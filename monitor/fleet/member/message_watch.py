@@ -69,14 +69,6 @@ class MessageWatch:
         """A message has come, whatever is in it."""
         self.heard_s = now_s
 
-    def ignore(self, at_s: float) -> None:
-        """A message that came then is not looked into; its publisher is alive."""
-        self.owner.hear(at_s)
-
-    def leave(self, at_s: float) -> None:
-        """The publisher's liveliness token went then."""
-        self.owner.leave(at_s)
-
     def accept_aircraft(self, message: AircraftMessage, at_s: float, silence_s: float) -> bool:
         """Whether an aircraft message that came then is taken: not from a second publisher while the first one sends.
 
