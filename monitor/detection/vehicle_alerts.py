@@ -79,7 +79,7 @@ class VehicleAlerts:
             onset_s: of a change of the airframe.
         """
         if alert.channel is not None:
-            self._relations.adopt(alert)
+            self._relations.reinstate(alert)
         else:
             self._book.resume(BookState(alert, onset_s, 0, 0))
         if alert.id not in self.memory.in_force:

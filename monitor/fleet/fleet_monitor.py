@@ -9,7 +9,6 @@ import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,31 +16,24 @@ from numpy.typing import NDArray
 
 from wingwatch.aircraft import Aircraft
 from wingwatch.monitor.detection.alert_finding import AlertFinding
-from wingwatch.monitor.estimation.chain import Solution
 from wingwatch.monitor.fleet import record as pictures
 from wingwatch.monitor.fleet.alerts import FleetAlerts
 from wingwatch.monitor.fleet.arrivals import FleetArrivals
 from wingwatch.monitor.fleet.checkpoints import FleetCheckpoints
 from wingwatch.monitor.fleet.context import FleetContext, Outgoing
 from wingwatch.monitor.fleet.diagnoses import AlertFlight, alert_flight
-from wingwatch.monitor.fleet.intake import Intake
-from wingwatch.monitor.fleet.manoeuvres import judge_manoeuvres
-from wingwatch.monitor.fleet.member.known_vehicle import KnownVehicle
-from wingwatch.monitor.fleet.member.shown import standing
-from wingwatch.monitor.fleet.member.states import Recalling, Watched
-from wingwatch.monitor.fleet.memory import adopt_late, keep, note_changes, recalled, renew
+from wingwatch.monitor.fleet.memory import note_changes
 from wingwatch.monitor.fleet.monitors import MonitorMaker
 from wingwatch.monitor.fleet.overload import FleetOverload
 from wingwatch.monitor.fleet.proposals import FleetProposals
 from wingwatch.monitor.fleet.resuming import Checkpoints
 from wingwatch.monitor.fleet.roster import VehicleKey
+from wingwatch.monitor.fleet.sample_way import SampleWay
 from wingwatch.monitor.fleet.settings import FleetSettings
-from wingwatch.monitor.fleet.together import feed_together
 from wingwatch.monitor.fleet.views import FleetViews
-from wingwatch.monitor.ports import ActionRequest, Outputs, Store, VehicleMemory
+from wingwatch.monitor.ports import ActionRequest, Outputs, Store
 from wingwatch.monitor.record_views import FlightRecordView
 from wingwatch.monitor.vehicle.checkpoint import SavedVehicle
-from wingwatch.monitor.vehicle.vehicle_monitor import Report, VehicleMonitor
 from wingwatch.monitor.views import (
     SHELVED_S,
     AlertAction,
@@ -54,10 +46,6 @@ from wingwatch.monitor.views import (
 )
 from wingwatch.telemetry import (
     InboundMessage,
-    MessageError,
-    SensorsMessage,
-    decode_aircraft,
-    decode_sensors,
 )
 
 __all__ = ["FleetMonitor", "FleetPorts"]
@@ -66,15 +54,7 @@ _LOG = logging.getLogger(__name__)
 
 Array = NDArray[np.float64]
 
-_MOST_HELD = 2000  # pieces of messages, of all vehicles together, for which monitors are still to be made
-_MOST_WAITING = 1000  # pieces of one vehicle's messages; beyond, the publisher waits, and all others with it
-_ENOUGH = 10  # pieces of one vehicle: two seconds of messages of ten samples at 50 Hz
-_AT_ONCE_S = 0.005  # of samples that wait; REST and new messages wait as long
-_CAUGHT_UP_AT_ONCE = 16  # vehicles
 _START_PATIENCE_S = 5.0  # for the alerts of earlier runs
-
-
-_NOTHING: Sequence[Outgoing] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,13 +103,8 @@ class FleetMonitor:
         self._views = FleetViews(context, self._proposals)
         self._arrivals, self._overload = FleetArrivals(context, find_aircraft), FleetOverload(context)
         self._maker = MonitorMaker(new_id, self._settings.judge)
+        self._way = SampleWay(context, self._arrivals, self._alerts, self._views, self._maker)
         self._forgotten = 0
-        self._solutions = 0
-        self._held = 0
-        self._behind: dict[VehicleKey, KnownVehicle] = {}
-        self._recalling: dict[VehicleKey, KnownVehicle] = {}
-        self._full: frozenset[VehicleKey] = frozenset()
-        self._intake = Intake()
         self._alerts.repeat(self._alerts.read_earlier(_START_PATIENCE_S))
 
     def prepare_with(self, executor: Executor) -> None:
@@ -140,9 +115,7 @@ class FleetMonitor:
         """Every vehicle goes on from its checkpoint; to be called once, before the first message."""
         self._saving.resume(self._find, self._maker, self._alerts.reinstate_earlier)
         with self._lock:
-            self._behind |= {key: known for key, known in self._vehicles.items() if known.waiting}
-            self._held += sum(known.waiting for known in self._behind.values())
-            self._full = self._now_full()
+            self._way.begin()
 
     def unsaved(self) -> Iterator[SavedVehicle]:
         """States that have changed since they were saved, for whoever ends the service; one copied at a time."""
@@ -164,32 +137,11 @@ class FleetMonitor:
         What may be asked waits until all of them are taken in: a few dozen at a time. Large messages may be left in
         part for the next call, which may bring none (``behind``).
         """
-        outgoing: list[tuple[VehicleKey, Sequence[Outgoing]]] = []
         with self._lock:
-            ready: dict[VehicleKey, KnownVehicle] = {}
-            for message in messages:
-                key = message.fleet, message.vehicle
-                if message.stream == "left":
-                    self._arrivals.left(key, message.received_s)
-                    continue
-                known = self._vehicles.heard(key)
-                if known is None:
-                    self._intake.count("too_many_vehicles")
-                    continue
-                if message.stream == "aircraft" and key in ready:
-                    outgoing += self._advance({key: ready.pop(key)})  # its samples so far are of what it was
-                news = self._taken_in(key, known, message)
-                if news:
-                    outgoing.append((key, news))
-                if known.watch is not None and known.waiting:
-                    ready[key] = known
-            for key in list(self._behind)[:_CAUGHT_UP_AT_ONCE]:
-                ready.setdefault(key, self._behind.pop(key))
-            outgoing += self._advance(ready)
-            self._full = self._now_full()
+            ready, outgoing = self._way.take_in(messages)
             self._saving.save_some(ready)
-        for (fleet, vehicle), news in outgoing:
-            self._context.tell((fleet, vehicle), news)
+        for key, news in outgoing:
+            self._context.tell(key, news)
 
     @property
     def full(self) -> Collection[VehicleKey]:
@@ -197,7 +149,7 @@ class FleetMonitor:
 
         As of the last call: a vehicle that sends more than is taken in waits with its caller, and no other.
         """
-        return self._full
+        return self._way.full
 
     def relieve(self, lags_s: Mapping[VehicleKey, float]) -> None:
         """Leave vehicles out while there is too much to compute; to be called about once a second.
@@ -207,8 +159,7 @@ class FleetMonitor:
         """
         with self._lock:
             self._overload.look(lags_s)
-            self._behind = {key: known for key, known in self._behind.items() if not known.left_out}
-            self._full = self._now_full()
+            self._way.note_full()
 
     @property
     def left_out(self) -> int:
@@ -218,7 +169,7 @@ class FleetMonitor:
     @property
     def behind(self) -> bool:
         """Whether samples wait that the next call of ``receive_all`` takes in."""
-        return bool(self._behind)
+        return self._way.behind
 
     @property
     def held(self) -> bool:
@@ -229,159 +180,7 @@ class FleetMonitor:
     @property
     def intake(self) -> Mapping[str, int]:
         """Messages ``received``, and what became of them (``Intake``)."""
-        return self._intake.counts
-
-    def _taken_in(self, key: VehicleKey, known: KnownVehicle, message: InboundMessage) -> Sequence[Outgoing]:
-        """One message decoded; samples that can be used are held for ``_advance``."""
-        if known.left_out and message.stream != "aircraft":
-            known.messages.owner.hear(message.received_s)
-            known.counts.count("message_left_out")
-            self._intake.count("message_left_out")
-            return _NOTHING
-        try:
-            if message.stream == "aircraft":
-                announced = decode_aircraft(message.payload, message.encoding)
-                became, news = self._arrivals.heard_of(key, known, announced, message.received_s), _NOTHING
-            else:
-                samples = decode_sensors(message.payload, message.encoding)
-                became, news = self._sampled(key, known, samples, message.received_s)
-        except MessageError as error:
-            became, news = f"message_{error.reason}", _NOTHING
-            known.counts.count(became)
-        except Exception as error:  # one vehicle's fault must neither end the watch nor pass for health
-            became, news = "faults", _NOTHING
-            self._context.note_fault(*key, known, error)
-        self._intake.count(became)
-        return news
-
-    def _sampled(
-        self, key: VehicleKey, known: KnownVehicle, message: SensorsMessage, at_s: float
-    ) -> tuple[str, Sequence[Outgoing]]:
-        """What became of the message, and the question what aircraft it is, if that is asked."""
-        became, news = self._arrivals.sampled(key, known, message, at_s)
-        if became == "sensors":
-            self._held += known.hold(message)
-            self._recall(key, known)
-            if known.watch is None:
-                self._recalling[key] = known
-        return became, news
-
-    def _now_full(self) -> frozenset[VehicleKey]:
-        """Of those that samples wait of, here or for their monitor."""
-        self._recalling = {
-            key: known
-            for key, known in self._recalling.items()
-            if known.watch is None and known.waiting and self._vehicles.get(key) is known
-        }
-        waiting = (*self._behind.items(), *self._recalling.items())
-        return frozenset(
-            key for key, known in waiting if known.waiting >= _ENOUGH and self._vehicles.get(key) is known
-        )
-
-    def _advance(self, ready: Mapping[VehicleKey, KnownVehicle]) -> list[tuple[VehicleKey, list[Outgoing]]]:
-        """Hand over what is held of vehicles that have a monitor, piece by piece, all vehicles at once.
-
-        It ends after ``_AT_ONCE_S``; what is left then is handed over later, unless too much waits: nothing is lost.
-        """
-        until_s = self._clock() + _AT_ONCE_S
-        outgoing: list[tuple[VehicleKey, list[Outgoing]]] = []
-        going = [(key, known, known.watch) for key, known in ready.items() if known.watch is not None]
-        while going := [one for one in going if len(one[2].samples)]:
-            self._held -= len(going)
-            blocks = [watch.samples.take() for _, _, watch in going]
-            reports = feed_together([watch.monitor for _, _, watch in going], blocks)
-            sound = []
-            for one, block, report in zip(going, blocks, reports, strict=True):
-                key, known, watch = one
-                watch.keep_samples(self._settings.ring_channels, block)
-                try:
-                    if isinstance(report, Exception):
-                        raise report
-                    watch.look_for_contradictions()
-                    news = self._digest(key, known, watch, report)
-                except Exception as error:  # it must neither end the watch of others nor pass for health
-                    self._context.note_fault(*key, known, error)
-                    continue
-                sound.append(one)
-                known.saving.note_change(urgent=bool(report.alerts))
-                if news:
-                    outgoing.append((key, news))
-            going = sound
-            most = max((len(watch.samples) for _, _, watch in going), default=0)
-            if self._clock() >= until_s and most < _MOST_WAITING:
-                break
-        behind = {key: known for key, known in ready.items() if known.watch is not None and known.waiting}
-        self._behind |= behind
-        return outgoing
-
-    def _recall(self, key: VehicleKey, known: KnownVehicle) -> None:
-        """Start the monitor of a vehicle whose samples wait: with what is kept of it, or without after a while."""
-        state = known.state
-        if not isinstance(state, Recalling) or not len(state.samples):
-            return
-        aircraft, message, given = state.basis.loading.aircraft, state.said.message, state.samples.given
-        if self._held < _MOST_HELD and not self._maker.ready(aircraft, message.configuration, given):
-            return
-        memory = recalled(self._context, key, state.said)
-        waited_s = known.note_recall(self._clock())
-        if memory is None and waited_s < self._settings.recall_patience_s and self._held < _MOST_HELD:
-            return
-        kept = state.basis.loading.recalled(memory or VehicleMemory())
-        known.begin_watch(self._maker.make(*key, aircraft, message, given, kept), given, memory)
-        self._alerts.reinstate_earlier(key, known)
-
-    # -- what it leads to ----------------------------------------------------------------------
-
-    def _digest(self, key: VehicleKey, known: KnownVehicle, watch: Watched, report: Report) -> list[Outgoing]:
-        """What samples led to is kept and shown; returns what is announced at once."""
-        news: list[Outgoing] = []
-        for alert in report.alerts:
-            kept, announced = self._alerts.keep(alert)
-            watch.monitor.take_over(kept)
-            news += announced
-        judge_manoeuvres(self._context, key, known, watch, report.manoeuvres)
-        pictures.note(watch, report)
-        self._solutions += len(report.solutions)
-        if report.solutions:
-            keep(self._context, key, watch, known.saving, report)
-            latest = report.solutions[-1]
-            news.append(("derivatives", partial(self._derivatives_of, watch.monitor, latest)))
-            self._context.event("derivatives", {"fleet": key[0], "vehicle": key[1], "time_s": latest.time_s})
-        return news + self._state_news(key, known, self._clock())
-
-    def _state_news(self, key: VehicleKey, known: KnownVehicle, now_s: float) -> list[Outgoing]:
-        """Its status, where its state is another one than was published last."""
-        state, _ = standing(known, now_s, self._settings.stale_s)
-        if not known.show(state):
-            return []
-        self._context.event("status", {"fleet": key[0], "vehicle": key[1], "state": str(state)})
-        return [self._status_of(key, known)]
-
-    def _status_of(self, key: VehicleKey, known: KnownVehicle) -> Outgoing:
-        return "status", partial(self._views.one, key, known)
-
-    def _derivatives_of(self, monitor: VehicleMonitor, solution: Solution) -> Mapping[str, Any]:
-        with self._lock:
-            return monitor.derivatives(solution)
-
-    def _late_start(self, key: VehicleKey, known: KnownVehicle) -> list[Outgoing]:
-        """What is held of a vehicle handed over, if it can be by now."""
-        watch = known.watch
-        if watch is not None and watch.memory.may_be_written:
-            return []
-        try:
-            if watch is None:
-                self._recall(key, known)
-            elif not watch.memory.read:
-                adopt_late(self._context, key, watch)
-            else:
-                if renew(self._context, key, watch, self._maker):
-                    known.saving.note_change()
-                return []
-        except Exception as error:
-            self._context.note_fault(*key, known, error)
-            return []
-        return [outgoing for _, news in self._advance({key: known}) for outgoing in news]
+        return self._way.intake.counts
 
     @property
     def problems(self) -> dict[str, int]:
@@ -391,27 +190,27 @@ class FleetMonitor:
     def tick(self) -> None:
         """To be called about once a second: staleness, and status for those who listen."""
         now = self._clock()
-        due: list[tuple[str, str, list[Outgoing]]] = []
+        due: list[tuple[VehicleKey, list[Outgoing]]] = []
         with self._lock:
             earlier = self._alerts.read_earlier(0.0)
             self._alerts.look_again()
             self._arrivals.new_second()
             note_changes(self._context)
             self._saving.save_some(dict(self._vehicles.items()))
-            self._held = sum(known.waiting for _, known in self._vehicles.items())
+            self._way.count_waiting()
             forgotten, self._forgotten = self._vehicles.forgotten - self._forgotten, self._vehicles.forgotten
-            for (fleet, vehicle), known in self._vehicles.items():
-                news = self._late_start((fleet, vehicle), known)
-                changed = self._state_news((fleet, vehicle), known, now)
+            for key, known in self._vehicles.items():
+                news = self._way.start_late(key, known)
+                changed = self._views.news_of_state(key, known, now)
                 if changed or now - known.published_s >= self._settings.status_interval_s:
                     known.note_published(now)
-                    news += changed or [self._status_of((fleet, vehicle), known)]
-                due.append((fleet, vehicle, news))
-            due += [(*key, [proposal]) for key, proposal in self._proposals.look()]
-            self._full = self._now_full()
+                    news += changed or [self._views.status(key, known)]
+                due.append((key, news))
+            due += [(key, [proposal]) for key, proposal in self._proposals.look()]
+            self._way.note_full()
         self._alerts.repeat(earlier)
-        for fleet, vehicle, news in due:
-            self._context.tell((fleet, vehicle), news)
+        for key, news in due:
+            self._context.tell(key, news)
         if forgotten:
             _LOG.warning("%d vehicles were forgotten to make room for new names", forgotten)
 
@@ -517,4 +316,4 @@ class FleetMonitor:
 
     def figures(self) -> FleetFigures:
         """The fleet in numbers; samples are taken in between some vehicles and the next."""
-        return self._views.figures(self._solutions, self.left_out)
+        return self._views.figures(self._way.solutions, self.left_out)

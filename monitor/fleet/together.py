@@ -46,7 +46,7 @@ def _advance(monitors: Sequence[VehicleMonitor], blocks: Sequence[SampleBlock]) 
         for n, solution in solutions.items():
             try:
                 judged = monitors[n].judge_solution(solution)
-                monitors[n].resume_estimates(judged)
+                monitors[n].enter_cells(judged)
             except Exception as error:  # one vehicle's fault is not the others'
                 faults[n] = error
                 continue

@@ -4,8 +4,9 @@ from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 
-from wingwatch.monitor.fleet.context import FleetContext
+from wingwatch.monitor.fleet.context import FleetContext, Outgoing
 from wingwatch.monitor.fleet.member import shown
 from wingwatch.monitor.fleet.member.known_vehicle import KnownVehicle
 from wingwatch.monitor.fleet.proposals import FleetProposals
@@ -51,6 +52,18 @@ class FleetViews:
     def one(self, key: VehicleKey, known: KnownVehicle) -> VehicleView:
         """One vehicle, with what its flight could have shown: most of the work of a view, and of its bytes."""
         return self._together([(key, known)], whole=True)[0]
+
+    def status(self, key: VehicleKey, known: KnownVehicle) -> Outgoing:
+        """The news of a vehicle's status."""
+        return "status", partial(self.one, key, known)
+
+    def news_of_state(self, key: VehicleKey, known: KnownVehicle, now_s: float) -> list[Outgoing]:
+        """Its status, where its state is another one than was published last; with the fleet's lock held."""
+        state, _ = shown.standing(known, now_s, self._context.settings.stale_s)
+        if not known.show(state):
+            return []
+        self._context.event("status", {"fleet": key[0], "vehicle": key[1], "state": str(state)})
+        return [self.status(key, known)]
 
     def _together(
         self, some: Sequence[tuple[VehicleKey, KnownVehicle]], whole: bool = False

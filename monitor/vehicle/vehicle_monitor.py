@@ -241,7 +241,7 @@ class VehicleMonitor(VehicleReadings):
         report = Report()
         for solution in self.chain.advance(self.chain_state, self.prepared(block)):
             judged = self.judge_solution(solution)
-            self.resume_estimates(judged)
+            self.enter_cells(judged)
             report.add(solution, judged)
         report.add_alerts(self.after_samples())
         return report
@@ -252,7 +252,7 @@ class VehicleMonitor(VehicleReadings):
         return None if latest is None else self._manoeuvres.end(latest)
 
     def judge_solution(self, solution: Solution) -> Judged:
-        """What the next solution of the chain leads to; its estimators go on by ``resume_estimates`` alone."""
+        """What the next solution of the chain leads to; its estimators go on by ``enter_cells`` alone."""
         self._relations.up_to(solution.time_s, self.book.active is not None)
         changed, resumed = self._compare(solution)
         if changed is not None and self._relations.book.airframe_alarmed:
@@ -269,7 +269,7 @@ class VehicleMonitor(VehicleReadings):
         self._note_state(solution, before)
         return Judged(changed, flown, resumed)
 
-    def resume_estimates(self, judged: Judged) -> None:
+    def enter_cells(self, judged: Judged) -> None:
         """In another cell of the envelope the estimators go on from what is remembered of it."""
         for name, memory in judged.resumed.items():
             self.chain.resume(self.chain_state, name, *memory)

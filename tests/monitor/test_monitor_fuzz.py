@@ -115,8 +115,8 @@ def test_a_vehicle_that_sends_more_than_may_wait_loses_nothing(
     flight: SampleBlock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its monitor is then made at once, and its samples are taken in before the next message is."""
-    monkeypatch.setattr("wingwatch.monitor.fleet.fleet_monitor._MOST_HELD", 60)
-    monkeypatch.setattr("wingwatch.monitor.fleet.fleet_monitor._MOST_WAITING", 30)
+    monkeypatch.setattr("wingwatch.monitor.fleet.sample_way._MOST_HELD", 60)
+    monkeypatch.setattr("wingwatch.monitor.fleet.sample_way._MOST_WAITING", 30)
     hall = Hall()
     hall.announce()
     hall.fleet.prepare_with(Never())

@@ -220,7 +220,7 @@ def test_a_vehicle_of_which_much_waits_is_said_to_be_full(
     hall = Hall()
     hall.announce()
     assert not hall.fleet.full
-    monkeypatch.setattr("wingwatch.monitor.fleet.fleet_monitor._AT_ONCE_S", -1.0)
+    monkeypatch.setattr("wingwatch.monitor.fleet.sample_way._AT_ONCE_S", -1.0)
     for k in range(5):
         hall.sample(SampleBlock(flight.values[200 * k : 200 * (k + 1)]), k)
     assert hall.fleet.full == {key("uav")}

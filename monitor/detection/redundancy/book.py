@@ -164,7 +164,7 @@ class RedundancyBook:
         """Go on from where another book of this vehicle stopped."""
         self.state = state
 
-    def adopt(self, state: RedundancyState, alert: AlertView) -> None:
+    def reinstate(self, state: RedundancyState, alert: AlertView) -> None:
         """An alert of an earlier run is in force again."""
         if alert.channel is None or any(a.id == alert.id for a in self.state.active):
             return
