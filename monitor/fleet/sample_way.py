@@ -106,7 +106,7 @@ class SampleWay:
         """Take in messages in the order of their arrival, their vehicles together.
 
         Returns:
-            vehicles whose monitors were handed samples, and what is to be told of which vehicle.
+            vehicles whose monitors were handed samples, and the news of each vehicle.
         """
         outgoing: list[tuple[VehicleKey, Sequence[Outgoing]]] = []
         ready: dict[VehicleKey, KnownVehicle] = {}

@@ -57,7 +57,7 @@ class MessageWatch:
         return self.heard_s if self.received_s is None else self.received_s
 
     def resume(self, sequence: SequenceState, silent_s: float, now_s: float) -> None:
-        """Go on from where another run stopped, which had heard nothing for ``silent_s`` by now.
+        """Go on from where another run stopped, to which nothing had come for ``silent_s`` by now.
 
         Who speaks first after a restart takes nobody's name.
         """
