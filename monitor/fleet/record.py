@@ -1,4 +1,4 @@
-"""The record that a live fleet keeps of each vehicle for pictures.
+"""The record of each vehicle of a live fleet for pictures, as it is shown.
 
 To be used with the fleet's lock held, but for ``expected_of``.
 """
@@ -11,21 +11,11 @@ from numpy.typing import NDArray
 from wingwatch.aircraft import STRUCTURES
 from wingwatch.monitor.estimation.chain import condition_of
 from wingwatch.monitor.fleet.member.known_vehicle import KnownVehicle
-from wingwatch.monitor.fleet.member.states import Watched
 from wingwatch.monitor.record_views import FlightRecordView
-from wingwatch.monitor.vehicle.vehicle_monitor import Report
 
-__all__ = ["expected_of", "note", "record_of"]
+__all__ = ["expected_of", "record_of"]
 
 Array = NDArray[np.float64]
-
-
-def note(watch: Watched, report: Report) -> None:
-    """Keep what a report says of blocks and alerts."""
-    blocks = [watch.monitor.block_record(solution) for solution in report.solutions]
-    watch.record.note_blocks([block for block in blocks if block is not None])
-    for alert in report.alerts:
-        watch.record.note_onset(alert.id, watch.monitor.onset_s(alert.id))
 
 
 def record_of(known: KnownVehicle, now_s: float) -> FlightRecordView:

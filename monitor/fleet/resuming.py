@@ -118,7 +118,9 @@ def resumed_vehicle(
         said, Basis(saved.watched_as, loading), samples, monitor, saved.given, saved.settings,
         RecalledMemory(saved.recalled, saved.late),
     )  # fmt: skip
-    return KnownVehicle(watch, counts=VehicleCounts(saved.counts), saving=Saving(history_s=saved.history_s))
+    return KnownVehicle(
+        watch, counts=VehicleCounts(dict(saved.counts)), saving=Saving(history_s=saved.history_s)
+    )
 
 
 def agreed(

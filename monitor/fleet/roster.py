@@ -67,7 +67,7 @@ class Roster:
         """A vehicle of before a restart takes its place; False where none is left."""
         if len(self._vehicles) >= self._most:
             return False
-        known.counts.note_earlier_run(known.monitor, known.messages.sequence.counts)
+        known.counts.note_earlier_run(known.all_counts)
         self._vehicles[key] = known
         self.sort(key)
         return True

@@ -5,12 +5,10 @@ from functools import partial
 from typing import Any
 
 from wingwatch.monitor.estimation.chain import Solution
-from wingwatch.monitor.fleet import record as pictures
 from wingwatch.monitor.fleet.alerts import FleetAlerts
 from wingwatch.monitor.fleet.arrivals import FleetArrivals
 from wingwatch.monitor.fleet.context import FleetContext, Outgoing
 from wingwatch.monitor.fleet.intake import Intake
-from wingwatch.monitor.fleet.manoeuvres import judge_manoeuvres
 from wingwatch.monitor.fleet.member.known_vehicle import KnownVehicle
 from wingwatch.monitor.fleet.member.states import Recalling, Watched
 from wingwatch.monitor.fleet.memory import adopt_late, keep, recalled, renew
@@ -19,6 +17,8 @@ from wingwatch.monitor.fleet.roster import VehicleKey
 from wingwatch.monitor.fleet.together import feed_together
 from wingwatch.monitor.fleet.views import FleetViews
 from wingwatch.monitor.ports import VehicleMemory
+from wingwatch.monitor.vehicle.manoeuvre_verdict import verdict
+from wingwatch.monitor.vehicle.manoeuvre_watch import FlownManoeuvre
 from wingwatch.monitor.vehicle.vehicle_monitor import Report, VehicleMonitor
 from wingwatch.telemetry import (
     InboundMessage,
@@ -226,8 +226,8 @@ class SampleWay:
             kept, announced = self._alerts.keep(alert)
             watch.monitor.take_over(kept)
             news += announced
-        judge_manoeuvres(self._context, key, known, watch, report.manoeuvres)
-        pictures.note(watch, report)
+        self._judge_manoeuvres(key, known, watch, report.manoeuvres)
+        watch.record_report(report)
         self.solutions += len(report.solutions)
         if report.solutions:
             keep(self._context, key, watch, known.saving, report)
@@ -235,6 +235,21 @@ class SampleWay:
             news.append(("derivatives", partial(self._derivatives_of, watch.monitor, latest)))
             self._context.event("derivatives", {"fleet": key[0], "vehicle": key[1], "time_s": latest.time_s})
         return news + self._views.news_of_state(key, known, self._clock())
+
+    def _judge_manoeuvres(
+        self, key: VehicleKey, known: KnownVehicle, watch: Watched, flown: Sequence[FlownManoeuvre]
+    ) -> None:
+        """Verdicts on manoeuvres that have just ended."""
+        for one in flown:
+            view = verdict(watch.monitor, one, known.number_manoeuvre())
+            watch.note_manoeuvre(view)
+            self._context.event(
+                "manoeuvre",
+                {
+                    "fleet": key[0], "vehicle": key[1], "number": view.number, "begin_s": view.begin_s,
+                    "end_s": view.end_s, "good": view.good, "text": view.text,
+                },
+            )  # fmt: skip
 
     def _derivatives_of(self, monitor: VehicleMonitor, solution: Solution) -> Mapping[str, Any]:
         with self._lock:

@@ -87,7 +87,7 @@ def test_one_large_message_does_not_keep_others_waiting(flight: SampleBlock) -> 
     hall.announce()
     hall.fly(flight, 0, 2)
     slow = stretched(flight, 0.1, 250)
-    hall.fleet._clock = time.monotonic
+    hall.fleet._way._clock = time.monotonic
     longest_s, calls, begin_s = 0.0, 0, time.thread_time()
     hall.sample(slow, next(hall.sequence))
     while True:

@@ -1,6 +1,6 @@
 """A vehicle as the live loop knows it: the state of its watch, the ways from one to another, what outlives them."""
 
-from collections.abc import Callable, MutableMapping
+from collections.abc import Callable, Mapping, MutableMapping
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
@@ -112,11 +112,15 @@ class KnownVehicle:
     @property
     def all_counts(self) -> dict[str, int]:
         """Of samples and of messages, without zeros."""
-        return self.counts.all(self.monitor, self.messages.sequence.counts)
+        return self.counts.all(self._of_samples, self.messages.sequence.counts)
 
     def add_counts(self, total: MutableMapping[str, int]) -> None:
         """Add what has been counted since the service started: it never falls, whatever becomes of the monitor."""
-        self.counts.add_to(total, self.monitor, self.messages.sequence.counts)
+        self.counts.add_to(total, self._of_samples, self.messages.sequence.counts)
+
+    @property
+    def _of_samples(self) -> Mapping[str, int]:
+        return {} if (monitor := self.monitor) is None else monitor.counts
 
     @property
     def _inner(self) -> Stranger | Announced | Recalling | Watched:
@@ -245,7 +249,7 @@ class KnownVehicle:
         if isinstance(inner, (Stranger, Announced)):
             return inner
         if isinstance(inner, Watched):
-            self.counts.note_ended(inner.monitor)
+            self.counts.note_ended(inner.monitor.counts)
         self.saving.begin_anew()
         self.drop_waiting()
         return self._become(Announced(inner.said))

@@ -10,7 +10,7 @@ __all__ = ["RecalledMemory"]
 
 @dataclass(slots=True)
 class RecalledMemory:
-    """The standing of one vehicle's memory while it is watched.
+    """Of one vehicle while it is watched.
 
     Attributes:
         read: whether it has been read; until then nothing is written in its place.

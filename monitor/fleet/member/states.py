@@ -18,8 +18,7 @@ from wingwatch.monitor.fleet.member.recalled_memory import RecalledMemory
 from wingwatch.monitor.fleet.member.sample_ring import SampleRing
 from wingwatch.monitor.fleet.member.waiting import WaitingSamples
 from wingwatch.monitor.vehicle.flight_record import FlightRecord
-from wingwatch.monitor.vehicle.start import surface_kinds
-from wingwatch.monitor.vehicle.vehicle_monitor import VehicleMonitor
+from wingwatch.monitor.vehicle.vehicle_monitor import Report, VehicleMonitor, surface_kinds
 from wingwatch.monitor.views import ManoeuvreView
 from wingwatch.telemetry import AircraftMessage, SampleBlock
 
@@ -155,6 +154,13 @@ class Watched:
     def note_manoeuvre(self, view: ManoeuvreView) -> None:
         """A manoeuvre has ended; the oldest verdict gives way."""
         self.manoeuvres.appendleft(view)
+
+    def record_report(self, report: Report) -> None:
+        """What a report says of blocks and alerts joins the record of the last hour."""
+        blocks = [self.monitor.block_record(solution) for solution in report.solutions]
+        self.record.note_blocks([block for block in blocks if block is not None])
+        for alert in report.alerts:
+            self.record.note_onset(alert.id, self.monitor.onset_s(alert.id))
 
 
 @dataclass(frozen=True, slots=True)
