@@ -51,7 +51,7 @@ class AlertBook:
         """What must be kept to go on later as if there had been no interruption."""
         return BookState(self.active, self.onset_s, self.waited, self.doubts)
 
-    def resume(self, state: BookState) -> None:
+    def restore(self, state: BookState) -> None:
         """Go on from where another book of this vehicle stopped."""
         self.active, self.onset_s, self.waited, self.doubts = (
             state.active,

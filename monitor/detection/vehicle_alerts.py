@@ -68,7 +68,7 @@ class VehicleAlerts:
         opened: dict[str, AlertView] = {}
         return [self._announced(version, opened) for version in versions]
 
-    def resume(self, memory: AlertMemory) -> None:
+    def restore(self, memory: AlertMemory) -> None:
         """Go on from where another one stopped."""
         self.memory = memory
 
@@ -81,7 +81,7 @@ class VehicleAlerts:
         if alert.channel is not None:
             self._relations.reinstate(alert)
         else:
-            self._book.resume(BookState(alert, onset_s, 0, 0))
+            self._book.restore(BookState(alert, onset_s, 0, 0))
         if alert.id not in self.memory.in_force:
             self.memory.in_force.append(alert.id)
 

@@ -166,10 +166,10 @@ class VehicleMonitor(VehicleReadings):
         self.cleaner = Cleaner(state=saved.cleaner, report=saved.cleaned)
         self._aligner.resume(saved.aligner)
         self._judge_state = saved.judge
-        self.book.resume(saved.book)
+        self.book.restore(saved.book)
         self._relations.restore(saved.redundancy, saved.redundancy_book)
-        self._alerts.resume(saved.alerts)
-        self.cells.resume(saved.cells)
+        self._alerts.restore(saved.alerts)
+        self.cells.restore(saved.cells)
         self._memory = saved.memory
         self._memory.latest = None if saved.latest is None else saved.latest.solution(self.chain)
 

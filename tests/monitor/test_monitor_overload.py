@@ -1,7 +1,7 @@
 """More to compute than the machine can: whole vehicles are left out in a stated order, said so, and taken back."""
 
 import pytest
-from fleet_hall import Hall, fly_doublets, second
+from fleet_hall import FakeStore, Hall, fly_doublets, second
 
 from wingwatch.monitor import VehicleState
 from wingwatch.monitor.fleet.left_out import LATE_S, Overload
@@ -228,3 +228,18 @@ def test_a_vehicle_of_which_much_waits_is_said_to_be_full(
         hall.fleet.receive_all([])
     assert not hall.fleet.full
     assert hall.view().counts["accepted"] == 1000
+
+
+def test_samples_that_wait_for_what_is_kept_of_their_vehicle_fill_it_alike(flight: SampleBlock) -> None:
+    hall = Hall(store=FakeStore(unread=True))
+    for name in ("uav", "another"):
+        hall.announce(name)
+        hall.sample(second(flight, 0), 0, name)
+    for k in range(1, 10):
+        assert not hall.fleet.full
+        hall.sample(second(flight, k), k)
+    assert hall.fleet.full == {key("uav")}
+    hall.store.unread = False
+    hall.fleet.tick()
+    assert not hall.fleet.full
+    assert hall.view().counts["accepted"] == 500

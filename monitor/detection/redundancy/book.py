@@ -160,7 +160,7 @@ class RedundancyBook:
             under_name(one, alert) if one.id == name else one for one in self.state.active
         ]
 
-    def resume(self, state: RedundancyBookState) -> None:
+    def restore(self, state: RedundancyBookState) -> None:
         """Go on from where another book of this vehicle stopped."""
         self.state = state
 

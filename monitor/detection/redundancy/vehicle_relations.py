@@ -90,7 +90,7 @@ class VehicleRelations:
     def restore(self, state: RedundancyState, book: RedundancyBookState) -> None:
         """Go on from what ``saved`` gave."""
         self._state = state
-        self.book.resume(book)
+        self.book.restore(book)
 
     def _take(self, rows: int, airframe_alarmed: bool) -> None:
         block, self._waiting = self._waiting.values[:rows], SampleBlock(self._waiting.values[rows:])

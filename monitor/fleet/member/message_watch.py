@@ -75,12 +75,10 @@ class MessageWatch:
         Args:
             silence_s: after which the name is free.
         """
-        if self.owner.holds(at_s, silence_s) and self.owner.is_others(message, self.sequence.stream):
-            self.owner.note_claim(message)
-            self.sequence.refuse()
-            return False
-        self.owner.name(message)
-        return True
+        if self.owner.accept(message, self.sequence.stream, at_s, silence_s):
+            return True
+        self.sequence.refuse()
+        return False
 
     def accept_samples(self, message: SensorsMessage, at_s: float, now_s: float, silence_s: float) -> Arrival:
         """What is made of a message with samples.
