@@ -36,7 +36,7 @@ from wingwatch.baselines import ExpectationRecord, apriori_envelope, open_databa
 from wingwatch.estimators import EkfEstimator, FourierEstimator, Signals, Validity
 from wingwatch.monitor import FleetMonitor, VehicleMonitor
 from wingwatch.monitor.detection.judge import Judge
-from wingwatch.monitor.fleet import fleet_monitor as fleet_module
+from wingwatch.monitor.fleet import sample_way
 from wingwatch.service.service import running_service
 from wingwatch.service.settings import ServeSettings
 from wingwatch.simulation import FleetSimulation, Scenario, doublet_schedule
@@ -68,7 +68,7 @@ THREADS = (
     "wingwatch-checkpoints",
 )
 STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
-    "decoding": ((fleet_module, "decode_sensors"),),
+    "decoding": ((sample_way, "decode_sensors"),),
     "cleaning": ((VehicleMonitor, "prepared"),),
     "signals": ((Signals, "update"), (Signals, "high_passed")),
     "Fourier estimator": ((FourierEstimator, "update"), (FourierEstimator, "solve")),

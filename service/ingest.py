@@ -111,7 +111,7 @@ class IngestLoop:
             self._arrived.clear()
             full = True
             while full and not self._ending:
-                messages = self._subscriber.drain(_GATHERED, self._monitor.has_enough)
+                messages = self._subscriber.drain(_GATHERED, self._monitor.full)
                 self._since_s = self._clock()
                 if self._record is not None:
                     self._record(messages)

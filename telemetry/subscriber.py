@@ -6,7 +6,7 @@ Aircraft messages go before the samples that were taken over with them, for thes
 """
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from threading import Event, Lock, Thread
 from types import TracebackType
 from typing import Any, Self
@@ -125,15 +125,15 @@ class SensorSubscriber:
         with self._lock:
             return self._waiting.ages(self._clock())
 
-    def drain(self, max_items: int, enough: Callable[[str, str], bool] | None = None) -> list[InboundMessage]:
+    def drain(self, max_items: int, full: Collection[tuple[str, str]] = ()) -> list[InboundMessage]:
         """The oldest waiting messages of the vehicles whose turn it is; never waits. Called from one thread only.
 
         Args:
             max_items: how many.
-            enough: whether no more is to be taken of a vehicle (fleet, name) now; what waits of it stays.
+            full: vehicles, by fleet and name, of which no more is to be taken now; what waits of them stays.
         """
         with self._lock:
-            return self._waiting.take(max_items, enough)
+            return self._waiting.take(max_items, full)
 
     def ask_aircraft(self, fleet: str, vehicle: str) -> None:
         """Ask a vehicle what aircraft it is; the answer comes as a message. Never called in Zenoh's thread."""

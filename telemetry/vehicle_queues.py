@@ -1,7 +1,7 @@
 """Messages that wait, a queue for each vehicle, taken in turn: one vehicle's backlog delays nobody else."""
 
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 __all__ = ["InboundMessage", "VehicleQueues"]
@@ -72,18 +72,18 @@ class VehicleQueues:
         self._count(key, 1, size)
         return True
 
-    def take(self, most: int, enough: Callable[[str, str], bool] | None = None) -> list[InboundMessage]:
+    def take(self, most: int, full: Collection[Key] = ()) -> list[InboundMessage]:
         """The oldest messages of the vehicles whose turn it is, one of each in a round.
 
         Args:
             most: how many.
-            enough: whether no more is to be taken of a vehicle (fleet, name) now; what waits of it stays.
+            full: vehicles, by fleet and name, of which no more is to be taken now; what waits of them stays.
         """
         taken: list[InboundMessage] = []
         held_back: list[Key] = []
         while self._turn and len(taken) < most:
             key = self._turn.popleft()
-            if enough is not None and enough(*key):
+            if key in full:
                 held_back.append(key)
                 continue
             taken.append(self._queues[key].popleft())

@@ -11,7 +11,7 @@ from wingwatch.monitor.detection.judge import Judge, largest_change
 from wingwatch.monitor.detection.judge_state import JudgeState, Verdict
 from wingwatch.monitor.views import AlertAction, AlertState, AlertView, EvidenceView, repeats_in
 
-__all__ = ["CLEAR_BLOCKS", "AlertBook", "BookState", "act", "raised_again"]
+__all__ = ["CLEAR_BLOCKS", "AlertBook", "BookState", "act", "raised_again", "under_name"]
 
 CLEAR_BLOCKS = 4
 """Informative blocks without the change after which an alert is cleared."""
@@ -51,7 +51,7 @@ class AlertBook:
         """What must be kept to go on later as if there had been no interruption."""
         return BookState(self.active, self.onset_s, self.waited, self.doubts)
 
-    def resume(self, state: BookState) -> None:
+    def restore(self, state: BookState) -> None:
         """Go on from where another book of this vehicle stopped."""
         self.active, self.onset_s, self.waited, self.doubts = (
             state.active,
@@ -64,7 +64,10 @@ class AlertBook:
         self, judge: Judge, state: JudgeState, verdict: Verdict | None, condition: FlightCondition, time_s: float,
         basis: str,
     ) -> AlertView | None:  # fmt: skip
-        """Take in a verdict; returns the alert if it was raised, changed or cleared."""
+        """Take in a verdict; returns the alert if it was raised, changed or cleared.
+
+        The blocks of one that was cleared are the caller's to forget (``Judge.forget_change``).
+        """
         if verdict is None:
             return None
         if self.active is not None:
@@ -81,6 +84,16 @@ class AlertBook:
     def dismiss(self) -> None:
         """Someone has cleared the alert in force; a change that persists will be raised again."""
         self.active, self.onset_s, self.waited, self.doubts = None, None, 0, 0
+
+    def note_set_back(self) -> None:
+        """The vehicle's clock was set back: by its stamps no block is before the onset."""
+        if self.onset_s is not None:
+            self.onset_s = float("-inf")
+
+    def rename(self, name: str, alert: AlertView) -> None:
+        """The alert of that id goes on as another one that it has opened again."""
+        if self.active is not None and self.active.id == name:
+            self.active = under_name(self.active, alert)
 
     def take_over(self, alert: AlertView) -> None:
         """The alert in force gets the state, notes and shelving of another version of it.
@@ -114,7 +127,6 @@ class AlertBook:
         if alert is None or self.onset_s is None:
             return None
         if self._gone(judge, state, condition):
-            judge.forget_change(state, self.onset_s, CLEAR_BLOCKS)
             self.dismiss()
             return replace(alert, state=AlertState.CLEARED, cleared_s=time_s)
         if verdict.log_statistic < judge.config.log_threshold or verdict.onset_s < self.onset_s - 60.0:
@@ -175,6 +187,12 @@ def raised_again(note: Sequence[str]) -> tuple[str, ...]:
     """The notes of an alert that comes back: how often is said once, newest last where others came between."""
     kept = note[:-1] if note and repeats_in(note[-1:]) else note
     return (*kept, f"wingwatch: raised again ({repeats_in(note) + 1})")
+
+
+def under_name(mine: AlertView, alert: AlertView) -> AlertView:
+    """A version by a book as the version of an alert that it has opened again."""
+    note = (*alert.note, *mine.note)
+    return replace(mine, id=alert.id, state=alert.state, note=note, shelving=alert.shelving)
 
 
 def _size(cause: Cause, size: float, error: float) -> str:

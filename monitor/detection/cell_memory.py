@@ -99,7 +99,7 @@ class CellBook:
         self.state = CellBookState()
         self.adopt(kept)
 
-    def resume(self, state: CellBookState) -> None:
+    def restore(self, state: CellBookState) -> None:
         """Go on from where another book of this vehicle stopped.
 
         What that flight has learned is handed over once more: who it was handed to may have lost it.

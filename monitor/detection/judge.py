@@ -301,6 +301,10 @@ class Judge:
         resumed = informative[-blocks] if len(informative) >= blocks else len(state.blocks)
         state.blocks[:] = [b for k, b in enumerate(state.blocks) if b.end_s <= onset_s or k >= resumed]
 
+    def forget_since(self, state: JudgeState, onset_s: float) -> None:
+        """What came after this stamp leaves, and what came before it stays."""
+        state.blocks[:] = [b for b in state.blocks if b.end_s <= onset_s]
+
     def _verdict(self, state: JudgeState) -> Verdict | None:
         onsets = np.arange(_first(state), len(state.blocks))
         if not onsets.size:

@@ -68,16 +68,20 @@ class VehicleAlerts:
         opened: dict[str, AlertView] = {}
         return [self._announced(version, opened) for version in versions]
 
-    def follow_again(self, alert: AlertView, onset_s: float) -> None:
+    def restore(self, memory: AlertMemory) -> None:
+        """Go on from where another one stopped."""
+        self.memory = memory
+
+    def reinstate(self, alert: AlertView, onset_s: float) -> None:
         """An alert that was in force before a restart is so again.
 
         Args:
             onset_s: of a change of the airframe.
         """
         if alert.channel is not None:
-            self._relations.adopt(alert)
+            self._relations.reinstate(alert)
         else:
-            self._book.resume(BookState(alert, onset_s, 0, 0))
+            self._book.restore(BookState(alert, onset_s, 0, 0))
         if alert.id not in self.memory.in_force:
             self.memory.in_force.append(alert.id)
 
@@ -139,10 +143,8 @@ class VehicleAlerts:
 
     def _rename(self, name: str, alert: AlertView) -> None:
         """The book follows the alert under the name that it had."""
-        if self._book.active is not None and self._book.active.id == name:
-            self._book.active = _under_name(self._book.active, alert)
-        of_relations = self._relations.book.state.active
-        of_relations[:] = [_under_name(one, alert) if one.id == name else one for one in of_relations]
+        self._book.rename(name, alert)
+        self._relations.book.rename(name, alert)
 
 
 def _is_same(over: AlertView, alert: AlertView) -> bool:
@@ -162,8 +164,3 @@ def _opened_again(alert: AlertView, earlier: AlertView) -> AlertView:
     state = alert.state if earlier.shelving is None else AlertState.SHELVED
     note = (*raised_again(earlier.note), *alert.note)
     return replace(alert, id=earlier.id, state=state, note=note, shelving=earlier.shelving)
-
-
-def _under_name(mine: AlertView, alert: AlertView) -> AlertView:
-    note = (*alert.note, *mine.note)
-    return replace(mine, id=alert.id, state=alert.state, note=note, shelving=alert.shelving)

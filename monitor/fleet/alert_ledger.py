@@ -19,7 +19,6 @@ class AlertLedger:
         most: alerts that are kept; where there are more, the oldest cleared one goes, without such the oldest.
 
     Attributes:
-        unsaved: alerts whose newest version the store has not taken over.
         forgotten: alerts that went.
     """
 
@@ -29,7 +28,7 @@ class AlertLedger:
         self._committed: dict[str, AlertView] = {}
         self._own: dict[str, AlertView] = {}
         self._findings: dict[str, AlertFinding] = {}
-        self.unsaved: dict[str, None] = {}
+        self._unsaved: dict[str, None] = {}
         self.forgotten = 0
 
     def add_earlier(self, alerts: Sequence[AlertView]) -> None:
@@ -38,7 +37,7 @@ class AlertLedger:
         self._newest = earlier | self._newest
         self._committed = earlier | self._committed
 
-    def follow(self, alert: AlertView) -> AlertView:
+    def merge(self, alert: AlertView) -> AlertView:
         """A new version by the monitor; returns it with what people have done to the alert."""
         before, own = self._newest.get(alert.id), alert
         self._own[alert.id] = own
@@ -77,7 +76,7 @@ class AlertLedger:
         if alert.state is AlertState.SHELVED and _has_grown(alert):
             alert = _back(alert, "it has grown")
         self._newest[alert.id] = alert
-        self.unsaved[alert.id] = None
+        self._unsaved[alert.id] = None
         self._forget()
         return alert
 
@@ -128,8 +127,21 @@ class AlertLedger:
         ]
         for alert in over:
             self._newest[alert.id] = alert
-            self.unsaved[alert.id] = None
+            self._unsaved[alert.id] = None
         return over
+
+    @property
+    def unsaved(self) -> Sequence[AlertView]:
+        """Newest versions that the store has not taken over, in the order in which they came to wait."""
+        return [self._newest[name] for name in self._unsaved if name in self._newest]
+
+    def note_unsaved(self, alert_id: str) -> None:
+        """The store is to take over the newest version."""
+        self._unsaved[alert_id] = None
+
+    def note_taken_over(self, alert_id: str) -> None:
+        """The store has taken over the newest version, or there is no store."""
+        self._unsaved.pop(alert_id, None)
 
     def newest(self, alert_id: str) -> AlertView | None:
         """The newest version, committed or not; None for an alert that is not kept."""
@@ -162,7 +174,7 @@ class AlertLedger:
             self._committed.pop(gone, None)
             self._own.pop(gone, None)
             self._findings.pop(gone, None)
-            self.unsaved.pop(gone, None)
+            self._unsaved.pop(gone, None)
             self.forgotten += 1
 
 

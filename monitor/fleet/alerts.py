@@ -1,4 +1,4 @@
-"""Alerts of a live fleet: stored before they are announced, followed across restarts, acted on by persons."""
+"""Alerts of a live fleet: stored before they are announced, in force across restarts, acted on by persons."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -52,7 +52,7 @@ class FleetAlerts:
                 self._earlier.setdefault((alert.fleet, alert.vehicle), []).append(alert)
         for key, known in self._context.vehicles.items():
             if known.monitor is not None:
-                self.follow_earlier(key, known)
+                self.reinstate_earlier(key, known)
         again = [a for k, a in enumerate(found) if k < _REPEATED or a.state is not AlertState.CLEARED]
         return again[::-1]
 
@@ -61,41 +61,51 @@ class FleetAlerts:
         for alert in alerts:
             self._context.tell((alert.fleet, alert.vehicle), [_of_alert(alert)])
 
-    def follow_earlier(self, key: VehicleKey, known: KnownVehicle) -> list[Outgoing]:
-        """The vehicle's monitor follows the alerts that were in force before the restart, if there were any."""
+    def reinstate_earlier(self, key: VehicleKey, known: KnownVehicle) -> list[Outgoing]:
+        """Alerts that were in force before the restart are so again in the vehicle's monitor; what is announced."""
         monitor, earlier = known.monitor, self._earlier.pop(key, [])
         if monitor is None:
             return []
         ledger = self._context.ledger
         newest = [ledger.newest(alert.id) for alert in earlier]
         in_force = [alert for alert in newest if alert is not None and alert.state is not AlertState.CLEARED]
-        kept = {alert.id: ledger.newest(alert.id) for alert in monitor.active_alerts}
+        stored = {alert.id: ledger.newest(alert.id) for alert in monitor.active_alerts}
         news: list[Outgoing] = []
-        for missing in agreed(monitor, kept, in_force):
+        for missing in agreed(monitor, stored, in_force):
             ledger.drop(missing.id)  # what the checkpoint has is newer
-            news += self.keep(missing)
+            kept, announced = self.keep(missing)
+            monitor.take_over(kept)
+            news += announced
         return news
 
     # -- from the monitors ---------------------------------------------------------------------
 
-    def keep(self, alert: AlertView) -> list[Outgoing]:
-        """Hand a new version to the store, which says when it may be announced; returns what may be at once."""
-        return self._keep(self._context.ledger.follow(alert))
+    def keep(self, alert: AlertView) -> tuple[AlertView, list[Outgoing]]:
+        """Hand a new version by a monitor to the store, which says when it may be announced.
+
+        Returns:
+            the version that counts, with what people have done to the alert: the monitor is to take it over; and what
+            may be announced at once.
+        """
+        return self._keep(self._context.ledger.merge(alert))
 
     def diagnosed(self, alert_id: str, finding: AlertFinding) -> list[Outgoing] | None:
         """A diagnosis says something about an alert; returns what may be announced now, None for an unknown alert."""
         changed = self._context.ledger.diagnosed(alert_id, finding)
-        return None if changed is None else self._keep(changed)
+        if changed is None:
+            return None
+        kept, news = self._keep(changed)
+        self._tell_monitor(kept)
+        return news
 
-    def _keep(self, kept: AlertView) -> list[Outgoing]:
-        self._follow_in_book(kept)
+    def _keep(self, kept: AlertView) -> tuple[AlertView, list[Outgoing]]:
         self._note_place(kept)
         if self._context.store is None:
-            self._context.ledger.unsaved.clear()
+            self._context.ledger.note_taken_over(kept.id)
             self._show(kept)
-            return [_of_alert(kept)]
+            return kept, [_of_alert(kept)]
         self._hand_over()
-        return []
+        return kept, []
 
     def groups(self) -> Sequence[AlertGroupView]:
         """Alerts in force that are one event, largest first."""
@@ -113,7 +123,7 @@ class FleetAlerts:
     def look_again(self) -> None:
         """Alerts whose time on the shelf is over are active again; what the store did not take is handed over."""
         for alert in self._context.ledger.come_back(self._context.wall_clock()):
-            self._follow_in_book(alert)
+            self._tell_monitor(alert)
         self._hand_over()
 
     def _hand_over(self) -> None:
@@ -121,10 +131,9 @@ class FleetAlerts:
         store, ledger = self._context.store, self._context.ledger
         if store is None:
             return
-        for name in list(ledger.unsaved):
-            alert = ledger.newest(name)
-            if alert is None or self._context.guarded(partial(_saved, store, alert, self._kept)):
-                ledger.unsaved.pop(name)
+        for alert in ledger.unsaved:
+            if self._context.guarded(partial(_saved, store, alert, self._kept)):
+                ledger.note_taken_over(alert.id)
 
     def _kept(self, alert: AlertView) -> None:
         """In the store's thread: this version is committed, so it may be announced."""
@@ -140,8 +149,8 @@ class FleetAlerts:
              "kind": alert.kind, "cause": alert.cause, "level": alert.level, "text": alert.text},
         )  # fmt: skip
 
-    def _follow_in_book(self, alert: AlertView) -> None:
-        """The vehicle's monitor takes over what was done to its alert; one that is cleared it follows no longer."""
+    def _tell_monitor(self, alert: AlertView) -> None:
+        """Somebody else than the vehicle's monitor has changed its alert, which takes that over."""
         known = self._context.vehicles.get((alert.fleet, alert.vehicle))
         if known is not None and known.monitor is not None:
             known.monitor.take_over(alert)
@@ -182,12 +191,12 @@ class FleetAlerts:
         with self._context.lock:
             merged = ledger.acted(changed)
             self._show(changed)
-            self._follow_in_book(merged)
+            self._tell_monitor(merged)
             known = self._context.vehicles.get(key)
             if known is not None and known.monitor is not None:
                 self._save_now(key, known)
             if merged != changed and self._context.store is not None:  # the monitor has gone on meanwhile
-                ledger.unsaved[merged.id] = None
+                ledger.note_unsaved(merged.id)
                 self._hand_over()
         self.repeat([changed])
 

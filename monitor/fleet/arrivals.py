@@ -34,79 +34,46 @@ class FleetArrivals:
         """The vehicle's publisher has ended: its name is free."""
         known = self._context.vehicles.get(key)
         if known is not None:
-            known.owner.left_s = at_s
+            known.messages.owner.leave(at_s)
 
     def heard_of(self, key: VehicleKey, known: KnownVehicle, message: AircraftMessage, at_s: float) -> str:
         """What became of an aircraft message: a second publisher's is refused."""
-        owner = known.owner
-        if owner.holds(at_s, self._context.settings.stale_s) and owner.is_others(
-            message, known.arrivals.stream
-        ):
-            owner.claim = message if message.stream is not None else owner.claim
-            known.arrivals.refuse()
+        if not known.messages.accept_aircraft(message, at_s, self._context.settings.stale_s):
             self._context.note_second_publisher(*key, known)
             return SECOND_PUBLISHER
-        owner.named = message.stream is not None
-        self._announced(key, known, message.model_copy(update={"stream": None}))
-        return "aircraft"
-
-    def _announced(self, key: VehicleKey, known: KnownVehicle, message: AircraftMessage) -> None:
-        """It says what it is. An alert in force is not ended by that: another aircraft counts once it is cleared."""
-        known.deferred = None
-        if message == known.message:
-            return
-        changed = known.message is not None and (
-            message.aircraft != known.message.aircraft or message.configuration != known.message.configuration
-        )
-        if changed and known.alarmed:
-            known.deferred = message
-            return
-        known.message = message
-        try:
-            known.aircraft, known.problem = self._find(message.aircraft), ""
-        except ValueError as error:
-            known.aircraft, known.problem = None, str(error)
-            known.count("unknown_aircraft")
+        known.announce(message.model_copy(update={"stream": None}), self._find)
         self._context.vehicles.sort(key)
-        if changed or known.aircraft is None:
-            known.start_anew()
-        known.announce_loading()
+        return "aircraft"
 
     def sampled(
         self, key: VehicleKey, known: KnownVehicle, message: SensorsMessage, at_s: float
     ) -> tuple[str, Sequence[Outgoing]]:
         """What became of the message, and the question what aircraft it is, if that is asked."""
-        arrivals, owned = known.arrivals, known.owner.holds(at_s, self._context.settings.stale_s)
-        restarts, (first_s, last_s) = arrivals.counts["publisher_restarts"], message.span_s
-        if not arrivals.observe(message.sequence, message.stream, first_s, last_s, owned):
-            known.refused_s = self._context.clock()
-            if arrivals.refusal == SECOND_PUBLISHER:
+        messages, settings = known.messages, self._context.settings
+        arrival = messages.accept_samples(message, at_s, self._context.clock(), settings.stale_s)
+        if arrival.refusal:
+            if arrival.refusal == SECOND_PUBLISHER:
                 self._context.note_second_publisher(*key, known)
-            return arrivals.refusal, _NOTHING
-        known.received_s, known.owner.heard_s = self._context.clock(), at_s
-        known.pace.note(last_s, at_s)
-        known.link.note(message.block.time_s, at_s)
+            return arrival.refusal, _NOTHING
         news = _NOTHING
-        if known.message is not None and arrivals.counts["publisher_restarts"] > restarts:
-            claim = known.owner.claimed(arrivals.stream)
+        if known.message is not None and arrival.restarted:
+            claim = messages.take_claim()
             if claim is not None:
                 self.heard_of(key, known, claim, at_s)
             elif self._may_ask(known):
                 news = ("ask",)  # another publisher may be another aircraft
-        if known.deferred is not None and not known.alarmed:
-            self._announced(key, known, known.deferred)
-        if known.aircraft is None:
+        if known.take_deferred(self._find):
+            self._context.vehicles.sort(key)
+        if known.said is None:
             unknown = "unannounced" if known.message is None else "unknown_aircraft"
-            known.count(unknown, len(message.block))
+            known.counts.count(unknown, len(message.block))
             return unknown, ("ask",) if known.message is None and self._may_ask(known) else news
-        known.take_loading()
         return "sensors", news
 
     def _may_ask(self, known: KnownVehicle) -> bool:
         """Whether a vehicle is asked now what aircraft it is."""
-        now_s = self._context.clock()
-        if now_s - known.asked_s < self._context.settings.ask_interval_s or self._asks_left <= 0:
+        now_s, interval_s = self._context.clock(), self._context.settings.ask_interval_s
+        if self._asks_left <= 0 or not known.messages.may_ask(now_s, interval_s):
             return False
-        known.asked_s = now_s
         self._asks_left -= 1
         return True

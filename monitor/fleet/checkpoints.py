@@ -40,17 +40,17 @@ class FleetCheckpoints:
         among = len(self._context.vehicles) / _CHECKPOINTS_A_SECOND
         interval_s = max(self._context.settings.checkpoint_interval_s, among)
         for key, known in ready.items():
-            due = known.unsaved and now_s - known.checkpoint_s >= interval_s
-            if known.urgent or (due and left and checkpoints.has_room()):
-                left -= not known.urgent
-                saved, urgent = self._saved(key, known), known.urgent
-                known.urgent = False
+            saving, urgent = known.saving, known.saving.urgent
+            due = saving.unsaved and now_s - saving.checkpoint_s >= interval_s
+            if urgent or (due and left and checkpoints.has_room()):
+                left -= not urgent
+                saved = self._saved(key, known)
                 if saved is not None:
                     checkpoints.keep(saved, urgent)
 
     def save_now(self, key: VehicleKey, known: KnownVehicle) -> None:
         """Hand over a vehicle's state at once, with the lock held."""
-        known.urgent = True
+        known.saving.hurry()
         self.save_some({key: known})
 
     def unsaved(self) -> Iterator[SavedVehicle]:
@@ -59,13 +59,13 @@ class FleetCheckpoints:
             everyone = list(self._context.vehicles.items())
         for key, known in everyone:
             with self._context.lock:
-                saved = self._saved(key, known) if known.unsaved else None
+                saved = self._saved(key, known) if known.saving.unsaved else None
             if saved is not None:
                 yield saved
 
     def _saved(self, key: VehicleKey, known: KnownVehicle) -> SavedVehicle | None:
         """A copy of the vehicle's state, with the lock held."""
-        known.checkpoint_s, known.unsaved = self._context.clock(), False
+        known.saving.note_saved(self._context.clock())
         try:
             return saved_vehicle(key, known, self._context.clock())
         except Exception as error:  # the watch goes on without
@@ -77,14 +77,14 @@ class FleetCheckpoints:
         self,
         find: Callable[[str], Aircraft],
         maker: MonitorMaker,
-        follow: Callable[[VehicleKey, KnownVehicle], list[Outgoing]],
+        reinstate: Callable[[VehicleKey, KnownVehicle], list[Outgoing]],
     ) -> None:
         """Every vehicle goes on from its checkpoint.
 
         Args:
             find: the aircraft of a name; raises ValueError with one sentence for an unknown one.
             maker: of monitors.
-            follow: has a vehicle's monitor follow the alert of before; called with the lock held.
+            reinstate: has the alerts of before in force again in a vehicle's monitor; called with the lock held.
         """
         if self._checkpoints is None:
             return
@@ -102,10 +102,9 @@ class FleetCheckpoints:
                 text = f"the checkpoint of {key[0]}/{key[1]} is not used: {error}; the vehicle starts anew"
                 self._checkpoints.count("refused", text)
                 continue
-            known.heard_s = context.clock() - saved.silent_s
-            known.owner.heard_s = context.clock()  # who speaks first after a restart takes nobody's name
+            known.messages.resume(saved.arrivals, saved.silent_s, context.clock())
             with context.lock:
-                news = follow(key, known)
+                news = reinstate(key, known)
                 if not context.vehicles.resume(key, known):
                     self._checkpoints.count("refused", f"there is no place for {key[0]}/{key[1]}")
                     continue

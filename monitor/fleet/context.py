@@ -82,15 +82,13 @@ class FleetContext:
     def note_fault(self, fleet: str, vehicle: str, known: KnownVehicle, error: Exception) -> None:
         """Inside an ``except``: the vehicle's state shows it, the log says where it came from."""
         known.note_fault(error, self.clock())
-        if known.monitor is None:
-            known.drop_held()  # there is none to be made, and what waits for it must not grow
         if self.count("faults") <= _LOGGED_FAULTS:
             about = {"vehicle": f"{fleet}/{vehicle}"}
             _LOG.exception("the samples of %s/%s led to a fault of the program", fleet, vehicle, extra=about)
 
     def note_second_publisher(self, fleet: str, vehicle: str, known: KnownVehicle) -> None:
         """A message under the vehicle's name was refused because another publisher owns it: reported once a minute."""
-        if not known.owner.refuse(self.clock()):
+        if not known.messages.owner.refuse(self.clock()):
             return
         text = f"messages of a second publisher of {fleet}/{vehicle} are refused while the first one sends"
         self.event("problem", {"what": "second_publisher", "fleet": fleet, "vehicle": vehicle, "text": text})

@@ -5,7 +5,7 @@ some vehicles are left out, said to be so, and the others are watched in time.
 """
 
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 from wingwatch.monitor.fleet.roster import VehicleKey
 
@@ -49,6 +49,10 @@ class Overload:
         self._returning = _AT_ONCE
         self._changed_s = self._returned_s = self._busy_s = float("-inf")
         self._pause_s = _PAUSE_S
+
+    def forget(self, gone: Collection[VehicleKey]) -> None:
+        """These vehicles are not remembered any longer."""
+        self.left_out = [key for key in self.left_out if key not in gone]
 
     def look(
         self, now_s: float, lags_s: Mapping[VehicleKey, float], order: Callable[[], Sequence[VehicleKey]]

@@ -37,19 +37,20 @@ class MonitorMaker:
     Args:
         new_id: makes alert ids.
         judge: settings of the test.
-
-    Attributes:
-        executor: works out what takes longer than a message may (``ready``); without one, ``make`` does it all.
     """
 
     def __init__(self, new_id: Callable[[], str], judge: JudgeConfig) -> None:
         self._new_id, self._judge = new_id, judge
         self._apriori: dict[_Type, tuple[Aircraft, Mapping[str, Envelope]]] = {}
         self._shared: dict[_Kind, tuple[Chain, RedundancyWatch]] = {}
-        self.executor: Executor | None = None
+        self._executor: Executor | None = None
         self._prepared: dict[
             tuple[_Type, tuple[str, ...]], Future[tuple[Aircraft, Mapping[str, Envelope]]]
         ] = {}
+
+    def prepare_with(self, executor: Executor) -> None:
+        """What takes longer than a message may is worked out there from now on."""
+        self._executor = executor
 
     def ready(self, aircraft: Aircraft, configuration: str, given: Sequence[str]) -> bool:
         """Whether ``make`` takes no longer than a message may; where not, what it needs is being worked out.
@@ -59,7 +60,7 @@ class MonitorMaker:
         Raises:
             Exception: what working it out failed on.
         """
-        if self.executor is None:
+        if self._executor is None:
             return True
         place = _type_of(aircraft, configuration)
         self._take_prepared()
@@ -74,7 +75,7 @@ class MonitorMaker:
             del self._prepared[place, lacking]
             failed.result()
         if len(self._prepared) < _MOST_PREPARED and (place, lacking) not in self._prepared:
-            self._prepared[place, lacking] = self.executor.submit(_stated, aircraft, configuration, lacking)
+            self._prepared[place, lacking] = self._executor.submit(_stated, aircraft, configuration, lacking)
         return False
 
     def _take_prepared(self) -> None:

@@ -38,11 +38,12 @@ class FleetOverload:
             lags_s: how long the oldest message of each vehicle has waited.
         """
         overload, vehicles = self._overload, self._context.vehicles
-        for key in [key for key in overload.left_out if vehicles.get(key) is None]:
-            overload.left_out.remove(key)
-        watched = {key: known for key, known in vehicles.items() if known.monitor and not known.left_out}
+        overload.forget({key for key in overload.left_out if vehicles.get(key) is None})
+        watched = {key: known for key, known in vehicles.items() if known.watch and not known.left_out}
         in_time = {
-            key: lag_s for key, lag_s in lags_s.items() if key in watched and not watched[key].pace.ahead
+            key: lag_s
+            for key, lag_s in lags_s.items()
+            if key in watched and not watched[key].messages.pace.ahead
         }
 
         def order() -> Sequence[VehicleKey]:
@@ -57,9 +58,10 @@ class FleetOverload:
             self._say(changed[0] in overload.left_out, len(changed), len(watched))
 
     def _set(self, key: VehicleKey, known: KnownVehicle, left_out: bool) -> None:
-        known.left_out = left_out
         if left_out:
-            known.drop_held()
+            known.leave_out()
+        else:
+            known.take_back()
         what = "not watched" if left_out else "watched again"
         text = f"degraded service: {key[0]}/{key[1]} is {what}"
         data = {"what": "capacity", "fleet": key[0], "vehicle": key[1], "text": text}
@@ -80,7 +82,7 @@ def _rank(known: KnownVehicle) -> int:
         return 4
     if known.suspected:
         return 3
-    if known.pace.ahead:
+    if known.messages.pace.ahead:
         return 0
     monitor = known.monitor
     if monitor is None or (monitor.state in _WATCHED_FOR_NOTHING and not monitor.says_something):

@@ -7,6 +7,7 @@ from functools import partial
 from wingwatch.aircraft import FlightCondition
 from wingwatch.monitor.fleet.context import FleetContext, Outgoing
 from wingwatch.monitor.fleet.member.known_vehicle import KnownVehicle
+from wingwatch.monitor.fleet.member.shown import standing
 from wingwatch.monitor.fleet.roster import VehicleKey
 from wingwatch.monitor.vehicle.proposing import proposed_input
 from wingwatch.monitor.vehicle.vehicle_monitor import VehicleMonitor
@@ -22,7 +23,7 @@ _SHAPES = ("doublet", "3211")
 """Of a surface's first proposal, and of those that follow where it did not help: more of it is in the mode's band."""
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class _Proposed:
     """The latest proposal to one vehicle.
 
@@ -105,13 +106,13 @@ class FleetProposals:
         current = self.current(key, known)
         if current is None or self._may_be_flown(known):
             return None
-        self._proposed[key].withdrawn = True
+        self._proposed[key] = replace(self._proposed[key], withdrawn=True)
         now_s = None if known.monitor is None else known.monitor.last_sample_time_s
         return replace(current, valid_until_s=current.proposed_s if now_s is None else now_s)
 
     def _may_be_flown(self, known: KnownVehicle) -> bool:
         """It sends, flies in calm air, and no alert is in force."""
-        state, _ = known.standing(self._context.clock(), self._context.settings.stale_s)
+        state, _ = standing(known, self._context.clock(), self._context.settings.stale_s)
         monitor = known.monitor
         if (
             monitor is None

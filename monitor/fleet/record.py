@@ -1,4 +1,4 @@
-"""The record that a live fleet keeps of each vehicle for pictures.
+"""The record of each vehicle of a live fleet for pictures, as it is shown.
 
 To be used with the fleet's lock held, but for ``expected_of``.
 """
@@ -12,38 +12,23 @@ from wingwatch.aircraft import STRUCTURES
 from wingwatch.monitor.estimation.chain import condition_of
 from wingwatch.monitor.fleet.member.known_vehicle import KnownVehicle
 from wingwatch.monitor.record_views import FlightRecordView
-from wingwatch.monitor.vehicle.vehicle_monitor import Report
 
-__all__ = ["expected_of", "note", "record_of"]
+__all__ = ["expected_of", "record_of"]
 
 Array = NDArray[np.float64]
 
 
-def note(known: KnownVehicle, report: Report) -> None:
-    """Keep what a report says of blocks and alerts."""
-    monitor = known.monitor
-    if monitor is None:
-        return
-    blocks = [monitor.block_record(solution) for solution in report.solutions]
-    known.record.note_blocks([block for block in blocks if block is not None])
-    for alert in report.alerts:
-        known.record.note_onset(alert.id, monitor.onset_s(alert.id))
-
-
 def record_of(known: KnownVehicle, now_s: float) -> FlightRecordView:
     """What is kept; ``now_s`` is on the clock of the arrivals."""
-    monitor = known.monitor
-    onsets_s = dict(known.record.onsets_s)
-    for alert in () if monitor is None else monitor.active_alerts:
-        onset_s = monitor.onset_s(alert.id) if monitor is not None else None
+    watch, link = known.watch, known.messages.link.view(now_s)
+    if watch is None:
+        return FlightRecordView((), None, {}, link)
+    onsets_s = dict(watch.record.onsets_s)
+    for alert in watch.monitor.active_alerts:
+        onset_s = watch.monitor.onset_s(alert.id)
         if onset_s is not None and np.isfinite(onset_s):
             onsets_s[alert.id] = onset_s
-    return FlightRecordView(
-        known.record.blocks,
-        None if monitor is None else monitor.judge.config.log_threshold,
-        onsets_s,
-        known.link.view(now_s),
-    )
+    return FlightRecordView(watch.record.blocks, watch.monitor.judge.config.log_threshold, onsets_s, link)
 
 
 def expected_of(

@@ -10,8 +10,14 @@ from typing import Protocol
 from wingwatch.aircraft import Aircraft
 from wingwatch.baselines import Envelope
 from wingwatch.monitor.detection.judge_state import JudgeConfig
-from wingwatch.monitor.fleet.member.known_vehicle import FAULT_SHOWN_S, KnownVehicle
+from wingwatch.monitor.fleet.member.counts import VehicleCounts
+from wingwatch.monitor.fleet.member.known_vehicle import KnownVehicle
 from wingwatch.monitor.fleet.member.loading import loading_of
+from wingwatch.monitor.fleet.member.recalled_memory import RecalledMemory
+from wingwatch.monitor.fleet.member.saving import Saving
+from wingwatch.monitor.fleet.member.shown import FAULT_SHOWN_S
+from wingwatch.monitor.fleet.member.states import Basis, Said, Watched
+from wingwatch.monitor.fleet.member.waiting import WaitingSamples
 from wingwatch.monitor.fleet.monitors import MonitorMaker
 from wingwatch.monitor.fleet.roster import VehicleKey
 from wingwatch.monitor.ports import VehicleMemory
@@ -52,16 +58,14 @@ class Checkpoints(Protocol):
 
 def saved_vehicle(key: VehicleKey, known: KnownVehicle, now_s: float) -> SavedVehicle | None:
     """All that is known of a vehicle; None where there is nothing to go on from, or a fault may have damaged it."""
-    if known.monitor is None or known.message is None or known.watched_as is None:
-        return None
-    heard_s = known.heard_s if known.received_s is None else known.received_s
-    if now_s - known.fault_s <= FAULT_SHOWN_S:
+    watch = known.watch
+    if watch is None or now_s - known.fault.at_s <= FAULT_SHOWN_S:
         return None
     return SavedVehicle(
-        fleet=key[0], vehicle=key[1], settings=known.settings, silent_s=now_s - heard_s,
-        message=known.message, watched_as=known.watched_as, given=known.given, late=known.late,
-        recalled=known.recalled, counts=dict(known.counts), arrivals=known.arrivals.state,
-        history_s=known.history_s, waiting=known.waiting, monitor=known.monitor.saved(),
+        fleet=key[0], vehicle=key[1], settings=watch.settings, silent_s=now_s - known.messages.last_s,
+        message=watch.said.message, watched_as=watch.basis.message, given=watch.given, late=watch.memory.late,
+        recalled=watch.memory.read, counts=dict(known.counts.own), arrivals=known.messages.sequence.state,
+        history_s=known.saving.history_s, waiting=watch.samples.values, monitor=watch.monitor.saved(),
     )  # fmt: skip
 
 
@@ -86,26 +90,20 @@ def resumed_vehicle(
     Raises:
         CheckpointError: the vehicle cannot go on from this, with the reason.
     """
-    known = KnownVehicle(message=saved.message, watched_as=saved.watched_as)
     try:
-        known.aircraft = find(saved.message.aircraft)
-        watched = find(saved.watched_as.aircraft)
+        aircraft, watched = find(saved.message.aircraft), find(saved.watched_as.aircraft)
     except ValueError as error:
         raise CheckpointError(str(error)) from error
-    known.announce_loading()
-    known.loading = loading_of(watched, saved.watched_as)
-    if saved.watched_as == saved.message:
-        known.loading = known.announced
-    if known.loading is None:
-        raise CheckpointError("its loading is not known")
-    found = VehicleMemory(envelopes=envelopes(watched, saved.watched_as.configuration))
-    memory = known.loading.recalled(found)
+    said = Said(saved.message, aircraft, loading_of(aircraft, saved.message))
+    loading = said.loading
+    if saved.watched_as != saved.message:
+        loading = loading_of(watched, saved.watched_as)
+    memory = loading.recalled(VehicleMemory(envelopes=envelopes(watched, saved.watched_as.configuration)))
     monitor = maker.make(
-        saved.fleet, saved.vehicle, known.loading.aircraft, saved.watched_as, saved.given,
+        saved.fleet, saved.vehicle, loading.aircraft, saved.watched_as, saved.given,
         VehicleMemory() if saved.late or not saved.recalled else memory,
     )  # fmt: skip
-    known.settings = settings_of(monitor, saved.given)
-    if known.settings != saved.settings:
+    if settings_of(monitor, saved.given) != saved.settings:
         raise CheckpointError("it was saved under another aircraft file, baseline or setting")
     if saved.late:
         monitor.adopt(memory)
@@ -113,12 +111,16 @@ def resumed_vehicle(
         monitor.restore(saved.monitor)
     except ValueError as error:
         raise CheckpointError(f"it does not fit this aircraft: {error}") from error
-    known.monitor, known.given, known.late, known.recalled = monitor, saved.given, saved.late, saved.recalled
-    known.counts, known.history_s = dict(saved.counts), saved.history_s
-    known.arrivals.resume(saved.arrivals)
+    samples = WaitingSamples()
     if len(saved.waiting):
-        known.hold(SensorsMessage(0, SampleBlock(saved.waiting), saved.given))
-    return known
+        samples.add(SensorsMessage(0, SampleBlock(saved.waiting), saved.given))
+    watch = Watched(
+        said, Basis(saved.watched_as, loading), samples, monitor, saved.given, saved.settings,
+        RecalledMemory(saved.recalled, saved.late),
+    )  # fmt: skip
+    return KnownVehicle(
+        watch, counts=VehicleCounts(dict(saved.counts)), saving=Saving(history_s=saved.history_s)
+    )
 
 
 def agreed(
@@ -149,11 +151,11 @@ def agreed(
             monitor.take_over(known)
     airframe = [alert for alert in standing if alert.channel is None]
     if airframe and not _of_airframe(monitor):
-        monitor.follow_again(airframe[-1])
+        monitor.reinstate(airframe[-1])
     of_airframe = _of_airframe(monitor)
     for alert in standing:
         if alert.channel is not None and alert.id not in of_airframe:  # a diagnosis may have named its part
-            monitor.follow_again(alert)
+            monitor.reinstate(alert)
     return missing
 
 

@@ -59,7 +59,7 @@ class Roster:
                 self.refused += 1
                 return None
             known = self._vehicles[key] = KnownVehicle()
-        known.heard_s = self._clock()
+        known.messages.hear(self._clock())
         self.sort(key)
         return known
 
@@ -67,7 +67,7 @@ class Roster:
         """A vehicle of before a restart takes its place; False where none is left."""
         if len(self._vehicles) >= self._most:
             return False
-        known.leave_out_counts()
+        known.counts.note_earlier_run(known.all_counts)
         self._vehicles[key] = known
         self.sort(key)
         return True
@@ -75,7 +75,7 @@ class Roster:
     def sort(self, key: VehicleKey) -> None:
         """Put a vehicle where it belongs, after a message or when its aircraft may have become known."""
         self._strangers.pop(key, None)
-        if self._vehicles[key].aircraft is None:
+        if self._vehicles[key].said is None:
             self._strangers[key] = None
 
     def _make_room(self) -> bool:
@@ -94,8 +94,8 @@ class Roster:
     def _silent(self, now_s: float) -> VehicleKey | None:
         """The longest silent of the known vehicles that may give way."""
         silent = [
-            (known.heard_s, key)
+            (known.messages.heard_s, key)
             for key, known in self._vehicles.items()
-            if known.aircraft is not None and now_s - known.heard_s > KEPT_S and not self._alarmed(key)
+            if known.said is not None and now_s - known.messages.heard_s > KEPT_S and not self._alarmed(key)
         ]
         return min(silent)[1] if silent else None

@@ -45,15 +45,13 @@ def _advance(monitors: Sequence[VehicleMonitor], blocks: Sequence[SampleBlock]) 
     for solutions in chain.advance_together(states, blocks, faults):
         for n, solution in solutions.items():
             try:
-                changed = monitors[n].follow(solution)
+                judged = monitors[n].judge_solution(solution)
+                monitors[n].enter_cells(judged)
             except Exception as error:  # one vehicle's fault is not the others'
                 faults[n] = error
                 continue
-            found[n].solutions.append(solution)
-            if changed is not None:
-                found[n].alerts.append(changed)
+            found[n].add(solution, judged)
     for n, monitor in enumerate(monitors):
         if n not in faults:
-            found[n].alerts.extend(monitor.after_samples())
-            found[n].manoeuvres.extend(monitor.take_flown())
+            found[n].add_alerts(monitor.after_samples())
     return [faults.get(n, report) for n, report in enumerate(found)]

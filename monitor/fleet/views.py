@@ -4,8 +4,10 @@ from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 
-from wingwatch.monitor.fleet.context import FleetContext
+from wingwatch.monitor.fleet.context import FleetContext, Outgoing
+from wingwatch.monitor.fleet.member import shown
 from wingwatch.monitor.fleet.member.known_vehicle import KnownVehicle
 from wingwatch.monitor.fleet.proposals import FleetProposals
 from wingwatch.monitor.fleet.roster import VehicleKey
@@ -51,6 +53,18 @@ class FleetViews:
         """One vehicle, with what its flight could have shown: most of the work of a view, and of its bytes."""
         return self._together([(key, known)], whole=True)[0]
 
+    def status(self, key: VehicleKey, known: KnownVehicle) -> Outgoing:
+        """The news of a vehicle's status."""
+        return "status", partial(self.one, key, known)
+
+    def news_of_state(self, key: VehicleKey, known: KnownVehicle, now_s: float) -> list[Outgoing]:
+        """Its status, where its state is another one than was published last; with the fleet's lock held."""
+        state, _ = shown.standing(known, now_s, self._context.settings.stale_s)
+        if not known.show(state):
+            return []
+        self._context.event("status", {"fleet": key[0], "vehicle": key[1], "state": str(state)})
+        return [self.status(key, known)]
+
     def _together(
         self, some: Sequence[tuple[VehicleKey, KnownVehicle]], whole: bool = False
     ) -> list[VehicleView]:
@@ -83,12 +97,12 @@ class FleetViews:
     def _shown(self, key: VehicleKey, known: KnownVehicle, whole: bool) -> VehicleView:
         context = self._context
         try:
-            view = known.view(*key, context.clock(), context.settings.stale_s, context.ledger.ids)
+            view = shown.view(known, key, context.clock(), context.settings.stale_s, context.ledger.ids)
             view = replace(view, proposed_input=self._proposals.current(key, known))
             return replace(view, could_see=known.monitor.could_see()) if whole and known.monitor else view
         except Exception as error:  # one vehicle that cannot be shown must not hide the others
             context.note_fault(*key, known, error)
-            return known.bare_view(*key, VehicleState.UNKNOWN, known.fault_text)
+            return shown.bare_view(known, key, VehicleState.UNKNOWN, shown.fault_text(known))
 
     def figures(self, solutions: int, left_out: int) -> FleetFigures:
         """The fleet in numbers.
@@ -114,6 +128,6 @@ class FleetViews:
         """Add the states and counts of some vehicles; returns how many of their messages wait."""
         now_s = self._context.clock()
         for known in some:
-            states[known.standing(now_s, self._context.settings.stale_s)[0]] += 1
+            states[shown.standing(known, now_s, self._context.settings.stale_s)[0]] += 1
             known.add_counts(counts)
-        return sum(len(known.held) for known in some)
+        return sum(known.waiting for known in some)

@@ -1,8 +1,11 @@
 """What the watch of a vehicle starts from, and what it gives back."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
 
 from wingwatch.monitor.detection.judge_state import JudgeConfig
 from wingwatch.monitor.detection.redundancy import RedundancyWatch
@@ -12,7 +15,9 @@ from wingwatch.monitor.vehicle.manoeuvre_watch import FlownManoeuvre
 from wingwatch.monitor.views import AlertView
 from wingwatch.telemetry import derivations
 
-__all__ = ["MonitorStart", "Report", "surface_kinds"]
+__all__ = ["Judged", "MonitorStart", "Report", "surface_kinds"]
+
+Array = NDArray[np.float64]
 
 
 def surface_kinds(given: Sequence[str]) -> dict[str, str]:
@@ -25,12 +30,40 @@ def surface_kinds(given: Sequence[str]) -> dict[str, str]:
 
 
 @dataclass(frozen=True, slots=True)
+class Judged:
+    """What one solution led to.
+
+    Attributes:
+        alert: that was raised, changed or cleared.
+        manoeuvre: that has ended with it.
+        resumed: by structure, information (k, k) and vector (k,) that its Fourier estimator is to go on from in the
+            place of its closed blocks (``Chain.resume``).
+    """
+
+    alert: AlertView | None
+    manoeuvre: FlownManoeuvre | None
+    resumed: Mapping[str, tuple[Array, Array]]
+
+
+@dataclass(frozen=True, slots=True)
 class Report:
     """What a block of samples led to: solutions, alerts that were raised, changed or cleared, manoeuvres that ended."""
 
     solutions: list[Solution] = field(default_factory=list)
     alerts: list[AlertView] = field(default_factory=list)
     manoeuvres: list[FlownManoeuvre] = field(default_factory=list)
+
+    def add(self, solution: Solution, judged: Judged) -> None:
+        """One solution more, and what it led to."""
+        self.solutions.append(solution)
+        if judged.alert is not None:
+            self.alerts.append(judged.alert)
+        if judged.manoeuvre is not None:
+            self.manoeuvres.append(judged.manoeuvre)
+
+    def add_alerts(self, alerts: Sequence[AlertView]) -> None:
+        """Alerts by the samples after the last solution."""
+        self.alerts.extend(alerts)
 
 
 @dataclass(frozen=True, slots=True)

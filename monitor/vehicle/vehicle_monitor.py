@@ -2,6 +2,9 @@
 
 from collections.abc import Callable, Mapping, Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from wingwatch.aircraft import (
     DUTCH_ROLL,
     LATERAL,
@@ -16,8 +19,6 @@ from wingwatch.monitor.detection.alerts import CLEAR_BLOCKS, AlertBook
 from wingwatch.monitor.detection.blocks import BlockView, ModeBlock
 from wingwatch.monitor.detection.cell_memory import CellBook
 from wingwatch.monitor.detection.comparison import Coordinates, natural_size
-from wingwatch.monitor.detection.could_see import beside_lacking, could_see
-from wingwatch.monitor.detection.furthest import furthest
 from wingwatch.monitor.detection.judge import Judge
 from wingwatch.monitor.detection.redundancy import RedundancyWatch, VehicleRelations
 from wingwatch.monitor.detection.surfaces_seen import EFFECTIVENESS, SurfaceWatch
@@ -30,29 +31,29 @@ from wingwatch.monitor.estimation.chain import (
     nominal_condition,
 )
 from wingwatch.monitor.estimation.flight_regime import FlightRegime
-from wingwatch.monitor.estimation.mode_solution import COMPARED_SO, NO_VANE, ModeSolution
+from wingwatch.monitor.estimation.mode_solution import ModeSolution
 from wingwatch.monitor.estimation.solution_times import SOLUTION_INTERVAL_S
 from wingwatch.monitor.ports import VehicleMemory
 from wingwatch.monitor.positions import position_of
 from wingwatch.monitor.state_codec import detached
 from wingwatch.monitor.vehicle.manoeuvre_watch import FlownManoeuvre, ManoeuvreWatch
-from wingwatch.monitor.vehicle.readings import VehicleReadings, suspected
-from wingwatch.monitor.vehicle.start import MonitorStart, Report, surface_kinds
+from wingwatch.monitor.vehicle.readings import VehicleReadings, note_worst, suspected
+from wingwatch.monitor.vehicle.start import Judged, MonitorStart, Report, surface_kinds
 from wingwatch.monitor.vehicle.state import MonitorState, SavedSolution, WatchMemory
 from wingwatch.monitor.views import (
     AlertState,
     AlertView,
     CouldSeeView,
     VehicleState,
-    VehicleView,
     WorstDerivative,
 )
 from wingwatch.telemetry import Aligner, Cleaner, SampleBlock, aligned_delays
 
-__all__ = ["MonitorStart", "Report", "VehicleMonitor", "note_worst", "surface_kinds", "suspected"]
+__all__ = ["Judged", "MonitorStart", "Report", "VehicleMonitor", "note_worst", "surface_kinds", "suspected"]
 
 
-_COULD_SEE_S = 30.0
+Array = NDArray[np.float64]
+
 _SET_BACK_S = 1.0  # what the cleaner takes for another clock, too
 
 
@@ -107,7 +108,6 @@ class VehicleMonitor(VehicleReadings):
         self._alerts = VehicleAlerts(self.book, self._relations)
         self._surfaces = SurfaceWatch(present, self._compared, self.relations.hypotheses)
         self._manoeuvres = ManoeuvreWatch(aircraft, present)
-        self._flown: list[FlownManoeuvre] = []
         self._could_see: tuple[float, Sequence[CouldSeeView]] | None = None
         self._memory = WatchMemory(surfaces=self._surfaces.init())
         self._worst: tuple[Solution, WorstDerivative | None] | None = None
@@ -115,10 +115,8 @@ class VehicleMonitor(VehicleReadings):
     def adopt(self, memory: VehicleMemory) -> None:
         """Take in what is kept of the vehicle where it could not be read at the start; estimates go on as they are."""
         self.chain.envelopes.update({k: e for k, e in memory.envelopes.items() if k in self.chain.envelopes})
-        nominal = nominal_condition(self.aircraft)
-        self._stated = self._stated_provenance(nominal)
-        founded = self._founded_by_file
-        self.judge.adopt(self._judge_state, memory.references, founded)
+        self._stated = self._stated_provenance(nominal_condition(self.aircraft))
+        self.judge.adopt(self._judge_state, memory.references, self._founded_by_file)
         self.cells.adopt(memory.cells)
         self._worst = None
 
@@ -168,14 +166,14 @@ class VehicleMonitor(VehicleReadings):
         self.cleaner = Cleaner(state=saved.cleaner, report=saved.cleaned)
         self._aligner.resume(saved.aligner)
         self._judge_state = saved.judge
-        self.book.resume(saved.book)
+        self.book.restore(saved.book)
         self._relations.restore(saved.redundancy, saved.redundancy_book)
-        self._alerts.memory = saved.alerts
-        self.cells.resume(saved.cells)
+        self._alerts.restore(saved.alerts)
+        self.cells.restore(saved.cells)
         self._memory = saved.memory
         self._memory.latest = None if saved.latest is None else saved.latest.solution(self.chain)
 
-    def follow_again(self, alert: AlertView) -> None:
+    def reinstate(self, alert: AlertView) -> None:
         """An alert that was in force before a restart is so again, and was raised after this state was saved.
 
         A monitor that has seen blocks is on the same clock. For one that has not, all blocks may be part of the change:
@@ -184,27 +182,8 @@ class VehicleMonitor(VehicleReadings):
         known = self._memory.block is not None
         blocks_s = self.judge.config.patience_blocks * self.judge.config.block_s
         onset_s = alert.raised_s - blocks_s if known else float("-inf")
-        self._alerts.follow_again(alert, onset_s)
+        self._alerts.reinstate(alert, onset_s)
         self._memory.state = VehicleState.DEGRADED
-
-    @property
-    def active_alerts(self) -> list[AlertView]:
-        """All alerts in force, worst first."""
-        return self._alerts.active
-
-    def onset_s(self, alert_id: str) -> float | None:
-        """Stamp at which the fault of an alert in force began, as far as it is known."""
-        return self._alerts.onset_s(alert_id)
-
-    @property
-    def changed_s(self) -> float | None:
-        """When the change began that an alert about the airframe in force is about; None without."""
-        return None if self.book.active is None else self.book.onset_s
-
-    @property
-    def alarmed(self) -> bool:
-        """Whether an alert is in force."""
-        return self._alerts.alarmed
 
     def take_over(self, alert: AlertView) -> None:
         """What was done to an alert in force counts; one that was cleared is followed no longer.
@@ -228,7 +207,7 @@ class VehicleMonitor(VehicleReadings):
         """
         onset_s = self.book.onset_s
         if not by_person and onset_s is not None:
-            self._judge_state.blocks[:] = [b for b in self._judge_state.blocks if b.end_s <= onset_s]
+            self.judge.forget_since(self._judge_state, onset_s)
         self._alerts.dismiss_airframe()
         self._memory.state = VehicleState.NOT_OBSERVABLE
 
@@ -236,11 +215,10 @@ class VehicleMonitor(VehicleReadings):
         """Take in samples as they came (completed, not cleaned)."""
         report = Report()
         for solution in self.chain.advance(self.chain_state, self.prepared(block)):
-            report.solutions.append(solution)
-            if (changed := self.follow(solution)) is not None:
-                report.alerts.append(changed)
-        report.alerts.extend(self.after_samples())
-        report.manoeuvres.extend(self.take_flown())
+            judged = self.judge_solution(solution)
+            self.enter_cells(judged)
+            report.add(solution, judged)
+        report.add_alerts(self.after_samples())
         return report
 
     def end_manoeuvre(self) -> FlownManoeuvre | None:
@@ -248,15 +226,10 @@ class VehicleMonitor(VehicleReadings):
         latest = self._memory.latest
         return None if latest is None else self._manoeuvres.end(latest)
 
-    def take_flown(self) -> list[FlownManoeuvre]:
-        """Manoeuvres that have ended since this was called last."""
-        flown, self._flown = self._flown, []
-        return flown
-
-    def follow(self, solution: Solution) -> AlertView | None:
-        """What the next solution of the chain leads to; an alert that was raised, changed or cleared."""
+    def judge_solution(self, solution: Solution) -> Judged:
+        """What the next solution of the chain leads to; its estimators go on by ``enter_cells`` alone."""
         self._relations.up_to(solution.time_s, self.book.active is not None)
-        changed = self._judge_solution(solution)
+        changed, resumed = self._compare(solution)
         if changed is not None and self._relations.book.airframe_alarmed:
             self.book.dismiss()
             changed = self._relations.confirm(changed, solution.time_s)
@@ -265,12 +238,16 @@ class VehicleMonitor(VehicleReadings):
         if changed is not None:
             changed = self._alerts.announced([changed])[0]
         before, self._memory.latest = self._memory.latest, solution
-        if (flown := self._manoeuvres.look(before, solution)) is not None:
-            self._flown.append(flown)
+        flown = self._manoeuvres.look(before, solution)
         if self._memory.surfaces.begun_s is None:
             self._memory.surfaces.begun_s = solution.time_s
-        self._update_state(solution, before)
-        return changed
+        self._note_state(solution, before)
+        return Judged(changed, flown, resumed)
+
+    def enter_cells(self, judged: Judged) -> None:
+        """In another cell of the envelope the estimators go on from what is remembered of it."""
+        for name, memory in judged.resumed.items():
+            self.chain.resume(self.chain_state, name, *memory)
 
     def after_samples(self) -> list[AlertView]:
         """After some samples: alerts by redundancy that were raised, changed or cleared in them.
@@ -321,8 +298,8 @@ class VehicleMonitor(VehicleReadings):
             name: str(e.provenance) if isinstance(e, Expectation) else "a-priori" for name, e in found.items()
         }
 
-    def _judge_solution(self, solution: Solution) -> AlertView | None:
-        """If blocks were closed, compare them and follow up."""
+    def _compare(self, solution: Solution) -> tuple[AlertView | None, dict[str, tuple[Array, Array]]]:
+        """If blocks were closed, compare them: what that leads to, and the memories of cells that are resumed."""
         closed = [
             (m, m.block)
             for s in self._compared
@@ -330,9 +307,8 @@ class VehicleMonitor(VehicleReadings):
             and m.comparable
             and not self._relations.book.doubts(s.states)
         ]  # what a wrong reading makes of derivatives is neither a change nor to be learned
-        if not closed:
-            return None
-        modes = {}
+        modes: dict[str, ModeBlock] = {}
+        resumed: dict[str, tuple[Array, Array]] = {}
         condition = None
         for mode, evidence in closed:
             found = condition_of(evidence.condition, self.configuration)
@@ -347,34 +323,34 @@ class VehicleMonitor(VehicleReadings):
             self._memory.outside = ""
             modes[mode.structure.name] = self.judge.mode_block(mode, evidence, expectation, condition)
             if not mode.reconstructed:
-                self._remember(mode, evidence, modes[mode.structure.name], condition)
+                memory = self._remembered(mode, evidence, modes[mode.structure.name], condition)
+                resumed |= {} if memory is None else {mode.structure.name: memory}
         if condition is None or not modes:
-            return None
+            return None, resumed
         block = BlockView(closed[0][1].end_s, condition, modes)
         before = self._memory.block
-        if before is not None and block.end_s < before.end_s - _SET_BACK_S and self.book.onset_s is not None:
-            self.book.onset_s = float(
-                "-inf"
-            )  # the clock was set back: by its stamps no block is before the onset
-        verdict = self.judge.consider(self._judge_state, block, self.book.onset_s)
+        if before is not None and block.end_s < before.end_s - _SET_BACK_S:
+            self.book.note_set_back()
+        onset_s = self.book.onset_s
+        verdict = self.judge.consider(self._judge_state, block, onset_s)
         self._memory.block, self._memory.verdict = block, verdict
-        return self.book.follow(
+        changed = self.book.follow(
             self.judge, self._judge_state, verdict, condition, solution.time_s, self.basis or "a-priori"
         )
+        if changed is not None and changed.state is AlertState.CLEARED and onset_s is not None:
+            self.judge.forget_change(self._judge_state, onset_s, CLEAR_BLOCKS)
+        return changed, resumed
 
-    def _remember(
+    def _remembered(
         self, mode: ModeSolution, evidence: BlockEvidence, seen: ModeBlock, condition: FlightCondition
-    ) -> None:
-        """The block joins the memory of its cell; in another cell than before, its memory is resumed."""
-        name = mode.structure.name
-        memory = self.cells.block(
-            name, evidence, condition, natural_size(seen.expected, seen.expected_covariance),
+    ) -> tuple[Array, Array] | None:
+        """The block joins the memory of its cell; in another cell than before, that is to be resumed."""
+        return self.cells.block(
+            mode.structure.name, evidence, condition, natural_size(seen.expected, seen.expected_covariance),
             alarmed=self.book.active is not None, rough=mode.rough,
         )  # fmt: skip
-        if memory is not None:
-            self.chain.resume(self.chain_state, name, *memory)
 
-    def _update_state(self, solution: Solution, before: Solution | None) -> None:
+    def _note_state(self, solution: Solution, before: Solution | None) -> None:
         m = self._memory
         seen = self.says_something
         if seen:
@@ -394,116 +370,6 @@ class VehicleMonitor(VehicleReadings):
         if self._surfaces.due(self._memory.surfaces, now_s, block_s):
             airframe = self.judge.smallest_seen(self._judge_state) if self._compared else {}
             self._surfaces.look(self._memory.surfaces, now_s, airframe, self._relations.could_see())
-
-    @property
-    def basis(self) -> str | None:
-        """What the comparison rests on: ``a-priori``, ``empirical`` or ``identified``."""
-        if not self._compared:
-            return None
-        weakest = "identified"
-        for s in self._compared:
-            stated = self._stated[s.name]
-            own = self._judge_state.references[s.name].blocks >= self.judge.config.founded_blocks
-            mine = "empirical" if stated == "a-priori" and own else stated
-            weakest = min(weakest, mine, key=("a-priori", "empirical", "identified").index)
-        return weakest
-
-    @property
-    def basis_text(self) -> str:
-        """The basis as a sentence, with what contradicts it."""
-        if self.basis is None:
-            return "Nothing to compare with: " + "; ".join(f"{k}: {v}" for k, v in self.chain.absent.items())
-        seconds = max(r.seconds for r in self._judge_state.references.values())
-        words = {
-            "a-priori": "Compared with a-priori numbers and with this flight's own earlier blocks",
-            "empirical": f"Compared with {seconds:.0f} s of this aircraft's own flights",
-            "identified": "Compared with derivatives identified in flight",
-        }[self.basis]
-        for name, symbols in self._judge_state.contradictions.items():
-            words += f"; the a-priori {name} does not fit this aircraft ({', '.join(symbols) or 'jointly'})"
-        if self.cells.text:
-            words += f"; {self.cells.text}"
-        if blind := [s.name for s in self._compared if not self.chain.supervisor.pairs[s.name].vane]:
-            words += f"; {' and '.join(blind)} ({NO_VANE}): {COMPARED_SO}"
-        return words + "."
-
-    def worst(self) -> WorstDerivative | None:
-        """The derivative furthest from its expectation, among those that are observable (``note_worst``)."""
-        note_worst([self])
-        return None if self._worst is None else self._worst[1]
-
-    @property
-    def reason(self) -> str:
-        """Why the state is what it is, in one clause."""
-        if active := self.active_alerts:
-            return " ".join(alert.text for alert in active)
-        if not self._compared:
-            return self.basis_text
-        if self.waits:
-            return self.waits
-        if self._memory.outside:
-            return self._memory.outside
-        if stuck := self.chain.supervisor.stuck(self.chain_state.lane):
-            return f"{', '.join(stuck)} stays as it is while the aircraft moves: a stuck sensor is left out"
-        if (latest := self._memory.latest) is None:
-            return "no solution yet"
-        if self.unseen_surfaces and self.says_something:
-            return self._surfaces.text(self._memory.surfaces)
-        if self.state is VehicleState.NOT_OBSERVABLE:
-            reasons = (latest.modes[s.name].why_not_compared for s in self._compared)
-            return "; ".join(dict.fromkeys(reasons))  # one that is of all modes is said once
-        return "no change against what is expected"
-
-    def could_see(self) -> Sequence[CouldSeeView]:
-        """By cause, the smallest size that the remembered minutes would have shown; worked out anew every
-        ``_COULD_SEE_S``."""
-        now_s = self.last_sample_time_s
-        if now_s is None:
-            return ()
-        if self._could_see is None or not 0.0 <= now_s - self._could_see[0] < _COULD_SEE_S:
-            airframe = self.judge.smallest_seen(self._judge_state) if self._compared else {}
-            rows = could_see(airframe, self._relations.could_see())
-            lacking = {c for pair in self.chain.supervisor.pairs.values() for c in pair.lacking}
-            self._could_see = now_s, beside_lacking(rows, lacking)
-        return self._could_see[1]
-
-    def view(self, state: VehicleState | None = None) -> VehicleView:
-        """The vehicle as an operator sees it, without what ``could_see`` works out.
-
-        Args:
-            state: replaces its own (a vehicle that fell silent).
-        """
-        solution = self._memory.latest
-        condition: dict[str, float] = {}
-        if solution is not None and solution.modes:
-            airspeed, altitude, density, _ = next(iter(solution.modes.values())).condition
-            condition = {
-                "airspeed_true_m_s": airspeed,
-                "altitude_m": altitude,
-                "air_density_kg_m3": density,
-            }
-        return VehicleView(
-            fleet=self.fleet, vehicle=self.vehicle, aircraft=self.aircraft.name, configuration=self.configuration,
-            state=state or self.state, state_since_s=self._memory.state_since_s, reason=self.reason,
-            last_sample_time_s=self.last_sample_time_s, basis=self.basis, basis_text=self.basis_text,
-            worst=self.worst(), counts=self.counts,
-            active_alerts=tuple(alert.id for alert in self.active_alerts), condition=condition,
-            air=self.air, rejected_by_channel=self.rejected_by_channel, unseen_surfaces=self.unseen_surfaces,
-            position=self._memory.position,
-        )  # fmt: skip
-
-
-def note_worst(monitors: Sequence[VehicleMonitor]) -> None:
-    """Find out of several vehicles together which derivative is furthest from its expectation (``furthest``).
-
-    It is worked out once a solution, whoever asks, with a lock or without: a solution and what flights taught are
-    replaced, never changed.
-    """
-    due = [(monitor, one) for monitor in monitors if (one := monitor.pending_worst) is not None]
-    if not due:
-        return
-    for (monitor, one), found in zip(due, furthest([one for _, one in due]), strict=True):
-        monitor.keep_worst(one, found)
 
 
 def _compared(structures: Sequence[ModeStructure]) -> tuple[ModeStructure, ...]:

@@ -3,7 +3,7 @@
 import io
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
@@ -61,8 +61,8 @@ class Queue:
     def ages(self) -> Mapping[tuple[str, str], float]:
         return {("default", message.vehicle): 1.0 for message in self.messages}
 
-    def drain(self, max_items: int, enough: Callable[[str, str], bool] | None = None) -> list[InboundMessage]:
-        waits = [enough is not None and enough(one.fleet, one.vehicle) for one in self.messages]
+    def drain(self, max_items: int, full: Collection[tuple[str, str]] = ()) -> list[InboundMessage]:
+        waits = [(one.fleet, one.vehicle) in full for one in self.messages]
         taken = [one for one, stays in zip(self.messages, waits, strict=True) if not stays][:max_items]
         self.messages = [one for one in self.messages if one not in taken]
         return taken
@@ -75,7 +75,7 @@ class Recorder:
         self.got: list[str] = []
         self.ticks = 0
         self.behind = False
-        self.full = ""
+        self.full: frozenset[tuple[str, str]] = frozenset()
         self.lags_s: Mapping[tuple[str, str], float] = {}
 
     def receive_all(self, messages: Sequence[InboundMessage]) -> None:
@@ -83,9 +83,6 @@ class Recorder:
             if message.vehicle == "bad":
                 raise ZeroDivisionError("a fault of the program")
             self.got.append(message.vehicle)
-
-    def has_enough(self, fleet: str, vehicle: str) -> bool:
-        return vehicle == self.full
 
     def relieve(self, lags_s: Mapping[tuple[str, str], float]) -> None:
         self.lags_s = lags_s
@@ -147,7 +144,7 @@ def test_a_fault_over_one_vehicle_does_not_end_the_watch_over_others() -> None:
 
 def test_of_a_vehicle_that_has_enough_nothing_is_taken_and_how_long_it_waits_is_told() -> None:
     queue, monitor = Queue(), Recorder()
-    monitor.full = "busy"
+    monitor.full = frozenset({("default", "busy")})
     ingest, arrived = ingest_over(queue, monitor)
     queue.messages = [message("busy"), message("a")]
     ingest.start()
@@ -155,7 +152,7 @@ def test_of_a_vehicle_that_has_enough_nothing_is_taken_and_how_long_it_waits_is_
     until(lambda: monitor.got == ["a"])
     until(lambda: ("default", "busy") in monitor.lags_s)
     assert monitor.got == ["a"]
-    monitor.full = ""
+    monitor.full = frozenset()
     until(lambda: monitor.got == ["a", "busy"])
     ingest.stop()
     assert queue.messages == []

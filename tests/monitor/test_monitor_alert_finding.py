@@ -23,8 +23,8 @@ SHARPENED = AlertFinding(
 
 def ledger_with(alert: AlertView) -> AlertLedger:
     ledger = AlertLedger(10)
-    ledger.follow(alert)
-    ledger.unsaved.clear()
+    ledger.merge(alert)
+    ledger.note_taken_over(alert.id)
     return ledger
 
 
@@ -35,7 +35,7 @@ def test_a_decided_diagnosis_changes_name_size_and_candidates_and_is_to_be_saved
     assert (shown.kind, shown.cause, shown.level, shown.size) == ("damage", "cg_shift", "critical", 0.03)
     assert (shown.diagnosis_id, shown.candidates, shown.note) == ("d1", SHIFT.candidates, (CORRECTED.note,))
     assert ledger.newest("a") == shown
-    assert list(ledger.unsaved) == ["a"]
+    assert [one.id for one in ledger.unsaved] == ["a"]
 
 
 def test_an_undecided_one_leaves_a_note_alone() -> None:
@@ -49,20 +49,20 @@ def test_a_correction_stays_while_the_monitor_says_the_same_cause() -> None:
     ledger = ledger_with(RAISED)
     first = ledger.diagnosed("a", CORRECTED)
     assert first is not None
-    later = ledger.follow(replace(RAISED, size=0.35, note=first.note))
+    later = ledger.merge(replace(RAISED, size=0.35, note=first.note))
     assert (later.cause, later.size, later.note) == ("cg_shift", 0.03, (CORRECTED.note,))
 
 
 def test_a_cause_that_the_monitor_finds_later_counts_more() -> None:
     ledger = ledger_with(RAISED)
     ledger.diagnosed("a", CORRECTED)
-    later = ledger.follow(replace(RAISED, kind="icing", cause="icing", size=0.2))
+    later = ledger.merge(replace(RAISED, kind="icing", cause="icing", size=0.2))
     assert (later.cause, later.size) == ("icing", 0.2)
 
 
 def test_a_cause_that_the_monitor_found_meanwhile_is_not_undone() -> None:
     ledger = ledger_with(RAISED)
-    meanwhile = ledger.follow(replace(RAISED, kind="icing", cause="icing", size=0.2))
+    meanwhile = ledger.merge(replace(RAISED, kind="icing", cause="icing", size=0.2))
     shown = ledger.diagnosed("a", CORRECTED)
     assert shown == replace(meanwhile, note=(CORRECTED.note,), diagnosis_id="d1")
 
@@ -71,11 +71,11 @@ def test_a_cause_that_the_monitor_found_meanwhile_is_not_undone() -> None:
 def test_a_size_that_the_monitor_has_updated_since_counts_more_than_a_confirmed_one(before: bool) -> None:
     ledger, grown = ledger_with(ICED), replace(ICED, size=0.2)
     if before:
-        ledger.follow(grown)
+        ledger.merge(grown)
     shown = ledger.diagnosed("a", SHARPENED)
     assert shown is not None
     assert shown.size == (0.2 if before else 0.12)
-    assert ledger.follow(replace(grown, note=shown.note)).size == 0.2
+    assert ledger.merge(replace(grown, note=shown.note)).size == 0.2
 
 
 def test_what_persons_did_stays_and_growth_brings_a_shelved_alert_back() -> None:
@@ -88,14 +88,14 @@ def test_what_persons_did_stays_and_growth_brings_a_shelved_alert_back() -> None
 
 def test_a_cleared_alert_gets_the_note_alone() -> None:
     ledger = ledger_with(RAISED)
-    cleared = ledger.follow(replace(RAISED, state=AlertState.CLEARED, cleared_s=50.0))
+    cleared = ledger.merge(replace(RAISED, state=AlertState.CLEARED, cleared_s=50.0))
     assert ledger.diagnosed("a", CORRECTED) == replace(cleared, note=(CORRECTED.note,), diagnosis_id="d1")
 
 
 def test_an_alert_that_is_cleared_after_its_correction_keeps_the_name() -> None:
     ledger = ledger_with(RAISED)
     ledger.diagnosed("a", CORRECTED)
-    cleared = ledger.follow(replace(RAISED, state=AlertState.CLEARED, cleared_s=50.0))
+    cleared = ledger.merge(replace(RAISED, state=AlertState.CLEARED, cleared_s=50.0))
     assert (cleared.cause, cleared.state) == ("cg_shift", AlertState.CLEARED)
 
 

@@ -62,7 +62,11 @@ class Life:
         return self._follow(verdict)
 
     def _follow(self, verdict: Verdict | None) -> AlertView | None:
-        return self.book.follow(self.judge, self.state, verdict, CONDITION, self.time_s, "a-priori")
+        onset_s = self.book.onset_s
+        alert = self.book.follow(self.judge, self.state, verdict, CONDITION, self.time_s, "a-priori")
+        if alert is not None and alert.cleared_s is not None and onset_s is not None:
+            self.judge.forget_change(self.state, onset_s, CLEAR_BLOCKS)
+        return alert
 
     def verdict(
         self, cause: Cause = ELEVATOR, probability: float = 0.999, *, strong: bool = True, confirmed: bool = True,

@@ -312,5 +312,5 @@ def test_no_state_is_forgotten() -> None:
         "alerts",
     }
     worked_out = {"worst", "could_see"}  # of the last solution, when somebody asks
-    of_this_run = {"manoeuvres", "flown"}  # decision 99
+    of_this_run = {"manoeuvres"}  # decision 99
     assert attributes(Case(fly_doublets(1.0)).monitor()) == settings | state | worked_out | of_this_run

@@ -294,7 +294,7 @@ def test_samples_wait_for_what_is_kept_and_then_lead_to_the_same(flight: SampleB
 def test_what_waits_is_bounded_over_all_vehicles(
     flight: SampleBlock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("wingwatch.monitor.fleet.fleet_monitor._MOST_HELD", 5)
+    monkeypatch.setattr("wingwatch.monitor.fleet.sample_way._MOST_HELD", 5)
     hall = Hall(store=FakeStore(unread=True))
     hall.announce()
     hall.fly(flight, 0, 12)

@@ -14,7 +14,7 @@ from fuzz_messages import Fuzzer
 
 from wingwatch.monitor import FleetMonitor, VehicleMonitor, VehicleState
 from wingwatch.monitor.estimation.chain import condition_of
-from wingwatch.monitor.fleet.member.pieces import PIECE_ROWS, PIECE_S, pieces
+from wingwatch.monitor.fleet.member.waiting import PIECE_ROWS, PIECE_S, pieces
 from wingwatch.telemetry import JSON, SampleBlock, SensorsMessage
 
 REQUIRED = (
@@ -87,7 +87,7 @@ def test_one_large_message_does_not_keep_others_waiting(flight: SampleBlock) -> 
     hall.announce()
     hall.fly(flight, 0, 2)
     slow = stretched(flight, 0.1, 250)
-    hall.fleet._clock = time.monotonic
+    hall.fleet._way._clock = time.monotonic
     longest_s, calls, begin_s = 0.0, 0, time.thread_time()
     hall.sample(slow, next(hall.sequence))
     while True:
@@ -115,8 +115,8 @@ def test_a_vehicle_that_sends_more_than_may_wait_loses_nothing(
     flight: SampleBlock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its monitor is then made at once, and its samples are taken in before the next message is."""
-    monkeypatch.setattr("wingwatch.monitor.fleet.fleet_monitor._MOST_HELD", 60)
-    monkeypatch.setattr("wingwatch.monitor.fleet.fleet_monitor._MOST_WAITING", 30)
+    monkeypatch.setattr("wingwatch.monitor.fleet.sample_way._MOST_HELD", 60)
+    monkeypatch.setattr("wingwatch.monitor.fleet.sample_way._MOST_WAITING", 30)
     hall = Hall()
     hall.announce()
     hall.fleet.prepare_with(Never())

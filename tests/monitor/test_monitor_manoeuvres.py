@@ -3,7 +3,7 @@
 from fleet_hall import AEROSONDE, FakeCheckpoints, Hall, fly_doublets
 
 from wingwatch.monitor import Event, VehicleMonitor
-from wingwatch.monitor.fleet.member.known_vehicle import KEPT_MANOEUVRES
+from wingwatch.monitor.fleet.member.states import KEPT_MANOEUVRES
 from wingwatch.telemetry import SampleBlock
 
 FLIGHT = fly_doublets(30.0)

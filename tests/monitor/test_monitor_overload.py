@@ -1,7 +1,7 @@
 """More to compute than the machine can: whole vehicles are left out in a stated order, said so, and taken back."""
 
 import pytest
-from fleet_hall import Hall, fly_doublets, second
+from fleet_hall import FakeStore, Hall, fly_doublets, second
 
 from wingwatch.monitor import VehicleState
 from wingwatch.monitor.fleet.left_out import LATE_S, Overload
@@ -232,18 +232,32 @@ def test_a_replay_that_is_behind_alone_is_no_overload(flight: SampleBlock) -> No
     assert hall.fleet.left_out == 0
 
 
-def test_a_vehicle_of_which_much_waits_is_said_to_have_enough(
+def test_a_vehicle_of_which_much_waits_is_said_to_be_full(
     flight: SampleBlock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     hall = Hall()
     hall.announce()
-    assert not hall.fleet.has_enough("default", "uav")
-    monkeypatch.setattr("wingwatch.monitor.fleet.fleet_monitor._AT_ONCE_S", -1.0)
+    assert not hall.fleet.full
+    monkeypatch.setattr("wingwatch.monitor.fleet.sample_way._AT_ONCE_S", -1.0)
     for k in range(5):
         hall.sample(SampleBlock(flight.values[200 * k : 200 * (k + 1)]), k)
-    assert hall.fleet.has_enough("default", "uav")
-    assert not hall.fleet.has_enough("default", "another")
+    assert hall.fleet.full == {key("uav")}
     while hall.fleet.behind:
         hall.fleet.receive_all([])
-    assert not hall.fleet.has_enough("default", "uav")
+    assert not hall.fleet.full
     assert hall.view().counts["accepted"] == 1000
+
+
+def test_samples_that_wait_for_what_is_kept_of_their_vehicle_fill_it_alike(flight: SampleBlock) -> None:
+    hall = Hall(store=FakeStore(unread=True))
+    for name in ("uav", "another"):
+        hall.announce(name)
+        hall.sample(second(flight, 0), 0, name)
+    for k in range(1, 10):
+        assert not hall.fleet.full
+        hall.sample(second(flight, k), k)
+    assert hall.fleet.full == {key("uav")}
+    hall.store.unread = False
+    hall.fleet.tick()
+    assert not hall.fleet.full
+    assert hall.view().counts["accepted"] == 500

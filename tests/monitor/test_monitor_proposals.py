@@ -13,9 +13,14 @@ from wingwatch.aircraft import FlightCondition
 from wingwatch.monitor import CouldSeeView, FleetSettings, ProposedInputView, VehicleState
 from wingwatch.monitor.fleet.context import FleetContext
 from wingwatch.monitor.fleet.member.known_vehicle import KnownVehicle
+from wingwatch.monitor.fleet.member.loading import Loading
+from wingwatch.monitor.fleet.member.recalled_memory import RecalledMemory
+from wingwatch.monitor.fleet.member.states import Basis, Said, Watched
+from wingwatch.monitor.fleet.member.waiting import WaitingSamples
 from wingwatch.monitor.fleet.proposals import LEAST_FLIGHT_S, LOOK_S, FleetProposals
 from wingwatch.monitor.vehicle.proposing import VALID_S, proposed_input, wanted_surface
 from wingwatch.monitor.vehicle.vehicle_monitor import VehicleMonitor
+from wingwatch.telemetry import AircraftMessage
 
 CRUISE = FlightCondition(25.0, 1000.0)
 STILL = replace(CRUISE, angle_of_attack_rad=0.05)
@@ -115,7 +120,13 @@ class Room:
         for key, vehicle in self.vehicles.items():
             known = context.vehicles.heard(key)
             assert known is not None
-            known.monitor, known.received_s = cast(VehicleMonitor, vehicle), math.inf
+            message = AircraftMessage(aircraft="aerosonde")
+            loading = Loading(AEROSONDE, AEROSONDE, {})
+            known.state = Watched(
+                Said(message, AEROSONDE, loading), Basis(message, loading), WaitingSamples(),
+                cast(VehicleMonitor, vehicle), (), "", RecalledMemory(True),
+            )  # fmt: skip
+            known.messages.received_s = math.inf
             self.known[key] = known
         ids = count(1)
         self.proposals = FleetProposals(context, lambda: f"p{next(ids)}")
@@ -187,7 +198,7 @@ def test_nothing_is_proposed_unless_it_was_asked_for_or_to_one_that_is_silent() 
     quiet = Room({("f", "one"): Vehicle()}, FleetSettings())
     assert quiet.wait(400.0) == []
     silent = one()
-    silent.known["f", "one"].received_s = 0.0
+    silent.known["f", "one"].messages.received_s = 0.0
     assert silent.wait(400.0) == []
 
 

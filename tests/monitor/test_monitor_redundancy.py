@@ -199,7 +199,7 @@ def test_an_alert_of_an_earlier_run_is_in_force_again(effect: str) -> None:
     values = flown(effect, seconds=110.0)
     _, alerts = watched(values[: 60 * 50])
     monitor, block = monitor_of(values[56 * 50 :])
-    monitor.follow_again(alerts[-1])
+    monitor.reinstate(alerts[-1])
     assert [alert.id for alert in monitor.active_alerts] == [alerts[-1].id]
     later = [
         a

@@ -2,15 +2,15 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import cast
 
 import pytest
 from redundancy_flights import flown, watched
 
 from wingwatch.monitor import AlertAction, AlertState, AlertView
 from wingwatch.monitor.detection.alerts import AlertBook, act, raised_again
-from wingwatch.monitor.detection.redundancy import VehicleRelations
+from wingwatch.monitor.detection.redundancy import RedundancyWatch, VehicleRelations
+from wingwatch.monitor.detection.redundancy.book import RedundancyBook
 from wingwatch.monitor.detection.vehicle_alerts import REPEAT_S, VehicleAlerts
 from wingwatch.monitor.fleet.alert_ledger import AlertLedger
 from wingwatch.monitor.ports import ActionRequest
@@ -29,12 +29,9 @@ class Relations:
     """A book that does as it says."""
 
     def __init__(self) -> None:
-        self.state: Any = SimpleNamespace(active=[])
+        self.book = RedundancyBook("f", "v", str, cast(RedundancyWatch, None))
+        self.state = self.book.state
         self.taken: list[AlertView] = []
-
-    @property
-    def book(self) -> Any:
-        return SimpleNamespace(state=self.state, active=self.state.active)
 
     def take_over(self, alert: AlertView, now_s: float) -> None:
         self.taken.append(alert)
@@ -149,27 +146,25 @@ def test_one_that_was_shelved_stays_on_the_shelf_until_it_is_worse() -> None:
     assert (again.state, again.shelving) == (SHELVED, shelving)
     ledger = AlertLedger(10)
     for version in (ICE, cleared):
-        ledger.follow(version)
-    assert ledger.follow(again).state is SHELVED
-    assert ledger.follow(replace(again, size=0.5)).state is ACTIVE
+        ledger.merge(version)
+    assert ledger.merge(again).state is SHELVED
+    assert ledger.merge(replace(again, size=0.5)).state is ACTIVE
 
 
 def test_the_ledger_opens_it_again_with_all_that_was_noted_and_it_must_be_acknowledged_again() -> None:
     ledger = AlertLedger(10)
-    ledger.follow(ICE)
+    ledger.merge(ICE)
     request = ActionRequest("a1", AlertAction.ACKNOWLEDGE, "ana", "seen")
     ledger.acted(ledger.changed(request, lambda _: None))
     over = replace(ICE, state=CLEARED, cleared_s=150.0)
     late = replace(over, note=("ana: acknowledge (seen)", "bo: looked"))
-    ledger.follow(late)
+    ledger.merge(late)
     again = replace(ICE, raised_s=160.0, note=raised_again(("ana: acknowledge (seen)",)))
-    kept = ledger.follow(again)
+    kept = ledger.merge(again)
     assert kept.state is ACTIVE
     assert kept.note == ("ana: acknowledge (seen)", "bo: looked", "wingwatch: raised again (1)")
-    ledger.follow(late_clear := replace(kept, state=CLEARED))
-    assert ledger.follow(replace(late_clear, state=ACTIVE)).state is CLEARED, (
-        "the same raise does not open it"
-    )
+    ledger.merge(late_clear := replace(kept, state=CLEARED))
+    assert ledger.merge(replace(late_clear, state=ACTIVE)).state is CLEARED, "the same raise does not open it"
 
 
 @pytest.mark.parametrize(

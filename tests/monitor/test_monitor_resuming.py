@@ -19,6 +19,10 @@ from fleet_hall import (
 
 from wingwatch.monitor import AlertAction, AlertState, AlertView, FleetSettings, VehicleState
 from wingwatch.monitor.fleet.member.known_vehicle import KnownVehicle
+from wingwatch.monitor.fleet.member.message_watch import MessageWatch
+from wingwatch.monitor.fleet.member.recalled_memory import RecalledMemory
+from wingwatch.monitor.fleet.member.saving import Saving
+from wingwatch.monitor.fleet.member.states import Basis, Said, Watched
 from wingwatch.monitor.vehicle.checkpoint import SavedVehicle
 from wingwatch.monitor.views import Shelving
 from wingwatch.simulation import ElevatorEffectiveness
@@ -306,7 +310,9 @@ def test_a_state_that_a_fault_may_have_damaged_is_not_saved(
     flown(hall, flight, 0, 3)
     saved = len(checkpoints.handed_over)
     with monkeypatch.context() as patch:
-        patch.setattr("wingwatch.monitor.vehicle.vehicle_monitor.VehicleMonitor.follow", lambda *_: 1 / 0)
+        patch.setattr(
+            "wingwatch.monitor.vehicle.vehicle_monitor.VehicleMonitor.judge_solution", lambda *_: 1 / 0
+        )
         flown(hall, flight, 3, 5)
     flown(hall, flight, 5, 8)
     assert len(checkpoints.handed_over) == saved
@@ -342,16 +348,27 @@ def test_a_fault_over_one_checkpoint_keeps_nobody_from_starting(
 
 
 def names(kind: Any) -> Iterator[str]:
-    return (f.name for f in fields(kind))
+    return (f"{kind.__name__}.{f.name}" for f in fields(kind))
 
 
 def test_no_field_of_a_vehicle_is_forgotten() -> None:
     """What the live loop knows of a vehicle is saved, follows from what is saved, or is of this run alone."""
-    follows = {"aircraft", "problem", "announced", "loading"}
-    of_this_run = {
-        "heard_s", "received_s", "refused_s", "fault", "fault_s", "asked_s", "published_s", "shown", "saved_blocks",
-        "recall_s", "owner", "deferred", "pace", "left_out", "checkpoint_s", "unsaved", "urgent", "earlier", "ring",
-        "contradictions", "change", "renewal", "renewed", "manoeuvres", "manoeuvres_flown", "record", "link",
+    saved_as = {
+        "Said.message": "message", "Basis.message": "watched_as", "Watched.samples": "waiting",
+        "Watched.monitor": "monitor", "Watched.given": "given", "Watched.settings": "settings",
+        "RecalledMemory.read": "recalled", "RecalledMemory.late": "late", "KnownVehicle.counts": "counts",
+        "MessageWatch.sequence": "arrivals", "MessageWatch.received_s": "silent_s", "Saving.history_s": "history_s",
     }  # fmt: skip
-    saved = set(names(SavedVehicle)) - {"fleet", "vehicle", "silent_s", "waiting"} | {"held"}
-    assert set(names(KnownVehicle)) == saved | follows | of_this_run
+    follows = {"Said.aircraft", "Said.loading", "Basis.loading"}
+    of_this_run = {
+        "KnownVehicle.fault", "KnownVehicle.shown", "KnownVehicle.published_s", "KnownVehicle.manoeuvres_flown",
+        "MessageWatch.owner", "MessageWatch.pace", "MessageWatch.link", "MessageWatch.heard_s",
+        "MessageWatch.refused_s", "MessageWatch.asked_s", "Saving.checkpoint_s", "Saving.unsaved", "Saving.urgent",
+        "Watched.deferred", "Watched.ring", "Watched.contradictions", "Watched.record", "Watched.manoeuvres",
+        "RecalledMemory.change", "RecalledMemory.renewal", "RecalledMemory.renewed", "RecalledMemory.saved_blocks",
+    }  # fmt: skip
+    parts = {"KnownVehicle.state", "KnownVehicle.messages", "KnownVehicle.saving"}
+    parts |= {"Watched.said", "Watched.basis", "Watched.memory"}
+    kinds = (KnownVehicle, MessageWatch, Saving, Said, Basis, Watched, RecalledMemory)
+    assert {name for kind in kinds for name in names(kind)} == {*saved_as, *follows, *of_this_run, *parts}
+    assert set(saved_as.values()) | {"fleet", "vehicle"} == {f.name for f in fields(SavedVehicle)}

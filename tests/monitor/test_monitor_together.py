@@ -100,7 +100,7 @@ def test_a_vehicle_that_comes_into_the_place_of_another_begins_anew(flights: lis
     assert said(second, reports) == alone(flights[3], "v3", CUTS[3])
 
 
-@pytest.mark.parametrize("method", ["follow", "prepared"])
+@pytest.mark.parametrize("method", ["judge_solution", "prepared"])
 def test_a_fault_over_one_vehicle_touches_no_other(
     flights: list[SampleBlock], method: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

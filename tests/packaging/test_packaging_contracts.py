@@ -56,6 +56,11 @@ BREACHES = (
     ("monitor/estimation", "import wingwatch.monitor.detection.judge", "rooms of the monitor, never upwards"),
     ("monitor/detection", "import wingwatch.monitor.vehicle.state", "rooms of the monitor, never upwards"),
     ("monitor/vehicle", "import wingwatch.monitor.fleet.roster", "rooms of the monitor, never upwards"),
+    (
+        "monitor/fleet/member",
+        "import wingwatch.monitor.fleet.context",
+        "what is known of a vehicle knows no fleet",
+    ),
     ("simulation", "import wingwatch.estimators", "simulation knows only aircraft and the sample"),
     ("simulation", "import wingwatch.telemetry.maps", "simulation knows only aircraft and the sample"),
     ("estimators", "import time", "numbers come from no web, no network, no clock and no log"),

@@ -33,7 +33,7 @@ def test_what_waits_of_a_vehicle_that_has_enough_stays_and_comes_later_in_order(
     queues = VehicleQueues(100, 1000)
     for name in "hhab":
         queues.add(message(name))
-    assert names(queues.take(10, lambda _, vehicle: vehicle == "h")) == "ab"
+    assert names(queues.take(10, {("default", "h")})) == "ab"
     assert names(queues.take(10)) == "hh"
     assert queues.take(10) == []
 

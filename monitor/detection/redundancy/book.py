@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from wingwatch.monitor.detection.alerts import under_name
 from wingwatch.monitor.detection.causes import CAUSES
 from wingwatch.monitor.detection.redundancy.hypotheses import Hypothesis
 from wingwatch.monitor.detection.redundancy.sequential import Finding, Ranked
@@ -153,7 +154,17 @@ class RedundancyBook:
                     mine, state=alert.state, note=alert.note, shelving=alert.shelving
                 )
 
-    def adopt(self, state: RedundancyState, alert: AlertView) -> None:
+    def rename(self, name: str, alert: AlertView) -> None:
+        """The alert of that id goes on as another one that it has opened again."""
+        self.state.active[:] = [
+            under_name(one, alert) if one.id == name else one for one in self.state.active
+        ]
+
+    def restore(self, state: RedundancyBookState) -> None:
+        """Go on from where another book of this vehicle stopped."""
+        self.state = state
+
+    def reinstate(self, state: RedundancyState, alert: AlertView) -> None:
         """An alert of an earlier run is in force again."""
         if alert.channel is None or any(a.id == alert.id for a in self.state.active):
             return

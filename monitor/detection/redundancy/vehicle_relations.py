@@ -68,9 +68,9 @@ class VehicleRelations:
         faults = zip(self.book.state.active, self._state.faults, strict=True)
         return next((fault.onset_s for alert, fault in faults if alert.id == alert_id), None)
 
-    def adopt(self, alert: AlertView) -> None:
+    def reinstate(self, alert: AlertView) -> None:
         """An alert of an earlier run is in force again."""
-        self.book.adopt(self._state, alert)
+        self.book.reinstate(self._state, alert)
 
     def take_over(self, alert: AlertView, now_s: float) -> None:
         """What was done to an alert in force counts; one that was cleared is followed no longer."""
@@ -89,7 +89,8 @@ class VehicleRelations:
 
     def restore(self, state: RedundancyState, book: RedundancyBookState) -> None:
         """Go on from what ``saved`` gave."""
-        self._state, self.book.state = state, book
+        self._state = state
+        self.book.restore(book)
 
     def _take(self, rows: int, airframe_alarmed: bool) -> None:
         block, self._waiting = self._waiting.values[:rows], SampleBlock(self._waiting.values[rows:])

@@ -1,329 +1,291 @@
-"""A vehicle as the live loop knows it: what it said it is, its monitor, its faults, and the state they make."""
+"""A vehicle as the live loop knows it: the state of its watch, the ways from one to another, what outlives them."""
 
-from collections import Counter, deque
-from collections.abc import Collection, MutableMapping
+from collections.abc import Callable, Mapping, MutableMapping
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TypeVar
 
 from wingwatch.aircraft import Aircraft
-from wingwatch.baselines import ChangeRecord
-from wingwatch.monitor.fleet.member.contradictions import Contradictions
-from wingwatch.monitor.fleet.member.link_watch import LinkWatch
-from wingwatch.monitor.fleet.member.loading import Loading, loading_of
-from wingwatch.monitor.fleet.member.ownership import Ownership
-from wingwatch.monitor.fleet.member.pace import Pace
-from wingwatch.monitor.fleet.member.pieces import pieces
-from wingwatch.monitor.fleet.member.sample_ring import SampleRing
-from wingwatch.monitor.vehicle.flight_record import FlightRecord
-from wingwatch.monitor.vehicle.vehicle_monitor import VehicleMonitor
-from wingwatch.monitor.views import ManoeuvreView, VehicleState, VehicleView
-from wingwatch.telemetry import CHANNELS, AircraftMessage, SensorsMessage, SequenceTracker
-
-__all__ = ["FAULT_SHOWN_S", "KEPT_MANOEUVRES", "LEFT_OUT", "KnownVehicle"]
-
-FAULT_SHOWN_S = 30.0
-"""Wall-clock time for which a fault is shown after the last one: three blocks, so that no block passes in silence."""
-
-KEPT_MANOEUVRES = 10
-"""Of a vehicle."""
-
-LEFT_OUT = "degraded service: this vehicle is not watched, because the machine is overloaded"
-"""The reason of a vehicle that is left out."""
-
-_REFUSED = (
-    "Messages of a second publisher under this name are refused: two aircraft with one name, or a forger"
+from wingwatch.monitor.fleet.member.counts import VehicleCounts
+from wingwatch.monitor.fleet.member.loading import loading_of
+from wingwatch.monitor.fleet.member.message_watch import MessageWatch
+from wingwatch.monitor.fleet.member.recalled_memory import RecalledMemory
+from wingwatch.monitor.fleet.member.saving import Saving
+from wingwatch.monitor.fleet.member.states import (
+    Announced,
+    Basis,
+    LeftOut,
+    Recalling,
+    Said,
+    State,
+    Stranger,
+    Watched,
 )
+from wingwatch.monitor.fleet.member.waiting import WaitingSamples
+from wingwatch.monitor.ports import VehicleMemory
+from wingwatch.monitor.vehicle.checkpoint import settings_of
+from wingwatch.monitor.vehicle.vehicle_monitor import VehicleMonitor
+from wingwatch.monitor.views import VehicleState
+from wingwatch.telemetry import AircraftMessage, SensorsMessage
+
+__all__ = ["Fault", "KnownVehicle"]
+
+_Inner = TypeVar("_Inner", bound=Stranger | Announced | Recalling | Watched)
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """The program's last fault over a vehicle, in words, and when that was by the wall clock."""
+
+    text: str = ""
+    at_s: float = float("-inf")
 
 
 @dataclass(slots=True)
 class KnownVehicle:
-    """One vehicle of the fleet.
+    """One vehicle of the fleet. Its fields are set here alone.
 
     Attributes:
-        message: what it said it is; aircraft: that aircraft where it is known here; problem: why it is not.
-        announced: the loading it announced last; loading: the one that it is watched at.
-        monitor: from its first samples on.
-        arrivals: follows the numbers of its messages.
-        counts: samples and messages that were not used, by reason.
-        earlier: what monitors that it had before counted, less what was counted before the service started.
-        heard_s: wall clock at the last message; received_s: at the last that was used; refused_s: at the last one
-            that was not.
-        fault, fault_s: the program's last fault over this vehicle, and when.
-        asked_s, published_s: when its aircraft was asked for, and its status published.
-        shown: the state that was published last.
-        history_s: sample time of the last estimate kept for history.
-        saved_blocks: blocks that the references rest on that were kept last.
-        held: messages that wait for what is kept of the vehicle, or for their turn.
-        recalled: whether that has been read; until then nothing is written in its place.
-        recall_s: when it was asked for first.
-        watched_as: what it had said when ``loading`` came into use; given: channels that the monitor was made for;
-            settings: what it was made from (``settings_of``); late: whether what is kept of the vehicle came after it.
-        owner: which publisher its messages are taken from.
-        pace: how fast it sends beside how fast it flies.
-        left_out: whether it is not watched, because the machine is overloaded.
-        deferred: another aircraft or configuration that was announced while an alert is in force.
-        checkpoint_s: when its state was handed over to be saved; unsaved: whether it has changed since; urgent: whether
-            that is to be saved at once.
-        ring: its latest samples; None where none are kept.
-        contradictions: what its channels say of one another.
-        change: the newest change of the baseline in what is known of it.
-        renewal: a later one, while what is kept is read again; renewed: the last one that was taken in.
-        record, link: of its last hour and of its messages' arrivals, for pictures, neither of them saved.
-        manoeuvres: verdicts on its last ones, newest first, none of them saved: after a restart they are made anew;
-            manoeuvres_flown: how many there have been.
+        state: of its watch.
+        messages: how they come.
+        counts: of what was not used.
+        fault: the program's last one over this vehicle.
+        saving: when what of it was saved.
+        shown: the state that was published last; published_s: when its status was.
+        manoeuvres_flown: how many it has flown while it was watched, as whatever aircraft.
     """
 
-    message: AircraftMessage | None = None
-    aircraft: Aircraft | None = None
-    problem: str = ""
-    announced: Loading | None = None
-    loading: Loading | None = None
-    monitor: VehicleMonitor | None = None
-    arrivals: SequenceTracker = field(default_factory=SequenceTracker)
-    counts: dict[str, int] = field(default_factory=dict)
-    earlier: Counter[str] = field(default_factory=Counter)
-    heard_s: float = float("-inf")
-    received_s: float | None = None
-    refused_s: float = float("-inf")
-    fault: str = ""
-    fault_s: float = float("-inf")
-    asked_s: float = float("-inf")
-    published_s: float = float("-inf")
+    state: State = field(default_factory=Stranger)
+    messages: MessageWatch = field(default_factory=MessageWatch)
+    counts: VehicleCounts = field(default_factory=VehicleCounts)
+    fault: Fault = field(default_factory=Fault)
+    saving: Saving = field(default_factory=Saving)
     shown: VehicleState = VehicleState.UNKNOWN
-    history_s: float = float("-inf")
-    saved_blocks: int = 0
-    held: deque[SensorsMessage] = field(default_factory=deque)
-    recalled: bool = False
-    recall_s: float | None = None
-    watched_as: AircraftMessage | None = None
-    given: tuple[str, ...] = ()
-    settings: str = ""
-    late: bool = False
-    owner: Ownership = field(default_factory=Ownership)
-    pace: Pace = field(default_factory=Pace)
-    left_out: bool = False
-    deferred: AircraftMessage | None = None
-    checkpoint_s: float = float("-inf")
-    unsaved: bool = False
-    urgent: bool = False
-    ring: SampleRing | None = None
-    contradictions: Contradictions = field(default_factory=Contradictions)
-    change: int = 0
-    renewal: ChangeRecord | None = None
-    renewed: ChangeRecord | None = None
-    manoeuvres: deque[ManoeuvreView] = field(default_factory=lambda: deque(maxlen=KEPT_MANOEUVRES))
+    published_s: float = float("-inf")
     manoeuvres_flown: int = 0
-    record: FlightRecord = field(default_factory=FlightRecord)
-    link: LinkWatch = field(default_factory=LinkWatch)
 
-    def count(self, reason: str, times: int = 1) -> None:
-        """Count what was not used."""
-        self.counts[reason] = self.counts.get(reason, 0) + times
+    # -- what there is in its state ---------------------------------------------------------------
+
+    @property
+    def watch(self) -> Watched | None:
+        """The watch of it, also while it is left out; None where there is none."""
+        inner = self._inner
+        return inner if isinstance(inner, Watched) else None
+
+    @property
+    def monitor(self) -> VehicleMonitor | None:
+        """Of its watch."""
+        return None if (watch := self.watch) is None else watch.monitor
+
+    @property
+    def said(self) -> Said | None:
+        """What it is; None while nobody knows."""
+        inner = self._inner
+        return None if isinstance(inner, Stranger) else inner.said
+
+    @property
+    def message(self) -> AircraftMessage | None:
+        """What it said that it is, known here or not."""
+        inner = self._inner
+        return inner.message if isinstance(inner, Stranger) else inner.said.message
+
+    @property
+    def left_out(self) -> bool:
+        """Whether it is not watched, because the machine is overloaded."""
+        return isinstance(self.state, LeftOut)
+
+    @property
+    def waiting(self) -> int:
+        """Pieces of messages that wait for its monitor, or for one to be made."""
+        inner = self._inner
+        return len(inner.samples) if isinstance(inner, (Recalling, Watched)) else 0
 
     @property
     def alarmed(self) -> bool:
         """Whether an alert is in force."""
-        return self.monitor is not None and self.monitor.alarmed
+        return (monitor := self.monitor) is not None and monitor.alarmed
 
     @property
     def suspected(self) -> bool:
         """Whether what was seen last speaks for a change, without an alert so far."""
-        return self.monitor is not None and self.monitor.suspects
-
-    def note_fault(self, error: Exception, now_s: float) -> None:
-        """Remember a fault of the program over this vehicle's samples."""
-        self.count("faults")
-        self.fault, self.fault_s = f"{type(error).__name__}: {error}"[:200], now_s
-
-    def announce_loading(self) -> None:
-        """Note how the aircraft of its message is loaded, and count what of that cannot be used."""
-        if self.aircraft is None or self.message is None:
-            self.announced = None
-            return
-        self.announced = loading_of(self.aircraft, self.message)
-        for name in self.announced.unused:
-            self.count(name)
-
-    def take_loading(self) -> None:
-        """Watch it at the announced loading from now on; where that is another, estimation begins anew.
-
-        An alert in force is not ended by an announcement: the loading then waits until it is cleared.
-        """
-        if self.announced is None or self.announced is self.loading:
-            return
-        if self.monitor is not None and self.loading is not None:
-            if not self.announced.differs(self.loading) or self.monitor.alarmed:
-                return
-            self.start_anew()
-        self.loading, self.watched_as = self.announced, self.message
-
-    def start_anew(self) -> None:
-        """It is another aircraft from now on, or none that is known."""
-        if self.monitor is not None:
-            self.earlier.update(self.monitor.counts)
-        self.monitor, self.recalled, self.recall_s = None, False, None
-        self.given, self.settings, self.late, self.unsaved, self.urgent = (), "", False, False, False
-        self.change, self.renewal, self.renewed = 0, None, None
-        self.ring, self.contradictions = None, Contradictions()
-        self.manoeuvres.clear()
-        self.record = FlightRecord()
-        self.drop_held()
-
-    def hold(self, message: SensorsMessage) -> int:
-        """Its samples wait for the monitor, in pieces; how many these are."""
-        before = len(self.held)
-        self.held.extend(pieces(message))
-        return len(self.held) - before
-
-    @property
-    def waiting(self) -> NDArray[np.float64]:
-        """The samples that wait, shape (samples, channels)."""
-        return np.concatenate(
-            [np.empty((0, len(CHANNELS))), *(message.block.values for message in self.held)]
-        )
-
-    def drop_held(self) -> None:
-        """What waits is not watched: the samples are counted."""
-        if self.held:
-            self.count("dropped_waiting", sum(len(message.block) for message in self.held))
-        self.held.clear()
+        return (monitor := self.monitor) is not None and monitor.suspects
 
     @property
     def all_counts(self) -> dict[str, int]:
         """Of samples and of messages, without zeros."""
-        of_samples = {} if self.monitor is None else self.monitor.counts
-        numbers = {name: times for name, times in self.arrivals.counts.items() if times}
-        return {**of_samples, **self.counts, **numbers}
-
-    def leave_out_counts(self) -> None:
-        """What has been counted so far is of an earlier run of the service."""
-        self.earlier.subtract(self.all_counts)
+        return self.counts.all(self._of_samples, self.messages.sequence.counts)
 
     def add_counts(self, total: MutableMapping[str, int]) -> None:
         """Add what has been counted since the service started: it never falls, whatever becomes of the monitor."""
-        of_samples = {} if self.monitor is None else self.monitor.counts
-        for counts in (self.earlier, of_samples, self.counts, self.arrivals.counts):
-            for name, times in counts.items():
-                if times:
-                    total[name] = total.get(name, 0) + times
-
-    def standing(self, now_s: float, stale_s: float) -> tuple[VehicleState, str | None]:
-        """State, and its reason where that is not the monitor's own.
-
-        An alert stands through silence and faults; neither passes for health. Channels that contradict each other do
-        not either.
-        """
-        faulty = now_s - self.fault_s <= FAULT_SHOWN_S
-        blind = self.fault_text if faulty else LEFT_OUT if self.left_out else None
-        if self.monitor is not None and self.monitor.state is VehicleState.DEGRADED:
-            meanwhile = blind or self._contradiction
-            return (
-                VehicleState.DEGRADED,
-                f"{self.monitor.reason} Meanwhile {meanwhile}" if meanwhile else None,
-            )
-        if blind:
-            return VehicleState.UNKNOWN, blind
-        if self.monitor is None:
-            return VehicleState.UNKNOWN, self._unknown_because
-        if self.received_s is None or now_s - self.received_s > stale_s:
-            if now_s - self.refused_s <= stale_s:
-                return VehicleState.STALE, "messages arrive, but none that can be used: see the counts"
-            return VehicleState.STALE, "no samples are arriving"
-        if self._contradiction:
-            return VehicleState.NOT_OBSERVABLE, self._contradiction
-        return self.monitor.state, None
+        self.counts.add_to(total, self._of_samples, self.messages.sequence.counts)
 
     @property
-    def _contradiction(self) -> str:
-        """Channels that contradict each other in one clause; empty where none do."""
-        said = self.contradictions.text
-        return f"its channels contradict each other: {said}" if said else ""
+    def _of_samples(self) -> Mapping[str, int]:
+        return {} if (monitor := self.monitor) is None else monitor.counts
 
     @property
-    def fault_text(self) -> str:
-        """The program's faults over this vehicle in one clause."""
-        return (
-            f"the program failed on its samples {self.counts.get('faults', 0)} times, last with {self.fault}"
-        )
+    def _inner(self) -> Stranger | Announced | Recalling | Watched:
+        return self.state.instead_of if isinstance(self.state, LeftOut) else self.state
 
-    @property
-    def _loading_text(self) -> str:
-        """The loading in use, and what of that which was announced is not used."""
-        loading, announced = self.loading, self.announced
-        if loading is None or announced is None:
-            return ""
-        if (other := self.deferred) is not None:
-            name = f"{other.aircraft} ({other.configuration})"
-            return f"{loading.text} It has announced that it is {name}, which counts once its alert is cleared.".strip()
-        waits = self.monitor is not None and announced.differs(loading)
-        said = [
-            loading.text,
-            *(text for name, text in announced.unused.items() if name not in loading.unused),
-        ]
-        if waits:
-            said.append("It has announced another since, which counts once its alert is cleared.")
-        return " ".join(part for part in said if part)
+    # -- from one state to another ----------------------------------------------------------------
 
-    @property
-    def _unknown_because(self) -> str:
-        if self.message is None:
-            return "samples arrive, but the vehicle has not announced its aircraft"
-        if self.held:
-            return "its earlier flights are being read from the database"
-        return self.problem or "announced; no samples yet"
+    def announce(self, message: AircraftMessage, find: Callable[[str], Aircraft]) -> None:
+        """It says what it is: as another aircraft than before, its watch ends.
 
-    def view(
-        self, fleet: str, vehicle: str, now_s: float, stale_s: float, alerts: Collection[str]
-    ) -> VehicleView:
-        """The vehicle as an operator sees it.
+        An alert in force is not ended by that: another aircraft then counts once it is cleared (``take_deferred``).
 
         Args:
-            now_s: wall clock.
-            stale_s: silence after which it is stale.
-            alerts: ids of all that are kept.
+            find: the aircraft of a name; raises ValueError with one sentence for an unknown one.
         """
-        state, reason = self.standing(now_s, stale_s)
-        refused = now_s - self.owner.refused_s <= FAULT_SHOWN_S
-        if self.monitor is None:
-            return self.bare_view(fleet, vehicle, state, _with_refusal(reason or "", refused))
-        view = self.monitor.view()
-        unread = "" if self.recalled else " Its earlier flights have not been read yet."
-        loaded = f" {text}" if (text := self._loading_text) else ""
-        return replace(
-            view,
-            state=state,
-            reason=_with_refusal(view.reason if reason is None else reason, refused),
-            basis_text=view.basis_text + loaded + unread + _change_text(self.renewed),
-            counts=self.all_counts,
-            active_alerts=tuple(name for name in view.active_alerts if name in alerts),
-            mass_kg=None if self.loading is None else self.loading.mass_kg,
-            cg_shift_m=0.0 if self.loading is None else self.loading.cg_shift_m,
-            sample_age_s=None if self.received_s is None else max(now_s - self.received_s, 0.0),
+        before, inner = self.message, self._inner
+        if isinstance(inner, Watched):
+            inner.defer(None)
+        if message == before:
+            return
+        changed = before is not None and _kind(message) != _kind(before)
+        if changed and isinstance(inner, Watched) and inner.monitor.alarmed:
+            inner.defer(message)
+            return
+        try:
+            aircraft = find(message.aircraft)
+        except ValueError as error:
+            self.counts.count("unknown_aircraft")
+            self._end_watch()
+            self._become(Stranger(message, str(error)))
+            return
+        if changed:
+            self._end_watch()
+        said = Said(message, aircraft, loading_of(aircraft, message))
+        for name in said.loading.unused:
+            self.counts.count(name)
+        inner = self._inner
+        if isinstance(inner, Watched):
+            inner.announce(said)
+        else:
+            self._become(replace(inner, said=said) if isinstance(inner, Recalling) else Announced(said))
+
+    def take_deferred(self, find: Callable[[str], Aircraft]) -> bool:
+        """What it announced while an alert was in force counts, once that is cleared; whether it has come to that."""
+        watch = self.watch
+        if watch is None or watch.deferred is None or watch.monitor.alarmed:
+            return False
+        self.announce(watch.deferred, find)
+        return True
+
+    def hold(self, message: SensorsMessage) -> int:
+        """Its samples wait for the monitor, in pieces; how many these are.
+
+        They are watched at the loading that it announced last; where that is another, estimation begins anew. An alert
+        in force is not ended by an announcement: the loading then waits until it is cleared.
+
+        Raises:
+            ValueError: nobody knows what it is, or it is left out.
+        """
+        inner = self.state
+        if isinstance(inner, (Stranger, LeftOut)):
+            raise ValueError("the samples of a vehicle that is not watched cannot be held")
+        said = inner.said
+        if isinstance(inner, Watched):
+            other = said.loading is not inner.basis.loading and said.loading.differs(inner.basis.loading)
+            if not other or inner.monitor.alarmed:
+                return inner.samples.add(message)
+            self._end_watch()
+        if not isinstance(inner, Recalling):
+            inner = self._become(Recalling(said, Basis(said.message, said.loading), WaitingSamples()))
+        elif said.loading is not inner.basis.loading:
+            inner = self._become(replace(inner, basis=Basis(said.message, said.loading)))
+        return inner.samples.add(message)
+
+    def note_recall(self, now_s: float) -> float:
+        """What is kept of it is asked for; for how long it has been. 0 where nothing is to be recalled."""
+        inner = self._inner
+        if not isinstance(inner, Recalling):
+            return 0.0
+        asked_s = now_s if inner.asked_s is None else inner.asked_s
+        self._become(replace(inner, asked_s=asked_s))
+        return now_s - asked_s
+
+    def begin_watch(
+        self, monitor: VehicleMonitor, given: tuple[str, ...], memory: VehicleMemory | None
+    ) -> None:
+        """What is kept of it has been read, or has not for too long: the samples that wait have a monitor.
+
+        Args:
+            given: channels that the monitor was made for.
+            memory: what it was made with; None where nothing has been read yet.
+
+        Raises:
+            ValueError: no samples wait for a monitor.
+        """
+        inner = self._inner
+        if not isinstance(inner, Recalling):
+            raise ValueError("only samples that wait begin a watch")
+        change = 0 if memory is None else memory.change
+        recalled = RecalledMemory(memory is not None, change=change, saved_blocks=monitor.learned_blocks)
+        self._become(
+            Watched(
+                inner.said, inner.basis, inner.samples, monitor, given, settings_of(monitor, given), recalled
+            )
         )
 
-    def bare_view(self, fleet: str, vehicle: str, state: VehicleState, reason: str) -> VehicleView:
-        """The vehicle without anything that its monitor says."""
-        message = self.message
-        return VehicleView(
-            fleet=fleet, vehicle=vehicle, aircraft=message.aircraft if message else None,
-            configuration=message.configuration if message else None, state=state, state_since_s=None,
-            reason=reason, last_sample_time_s=None, basis=None, basis_text="Nothing has been compared yet.",
-            worst=None, counts=self.all_counts, active_alerts=(), condition={},
-        )  # fmt: skip
+    def leave_out(self) -> None:
+        """The machine is overloaded: it is not watched any longer, and what waits of it is dropped."""
+        self.drop_waiting()
+        inner = self._inner
+        self.state = LeftOut(Announced(inner.said) if isinstance(inner, Recalling) else inner)
+
+    def take_back(self) -> None:
+        """It is watched again, as it was when it was left out."""
+        self.state = self._inner
+
+    def drop_waiting(self) -> None:
+        """What waits is not watched: the samples are counted."""
+        inner = self._inner
+        if isinstance(inner, (Recalling, Watched)) and len(inner.samples):
+            self.counts.count("dropped_waiting", inner.samples.drop())
+
+    def _end_watch(self) -> Stranger | Announced:
+        """It is another aircraft from now on, or at another loading, or none that is known."""
+        inner = self._inner
+        if isinstance(inner, (Stranger, Announced)):
+            return inner
+        if isinstance(inner, Watched):
+            self.counts.note_ended(inner.monitor.counts)
+        self.saving.begin_anew()
+        self.drop_waiting()
+        return self._become(Announced(inner.said))
+
+    def _become(self, inner: _Inner) -> _Inner:
+        """The state that it is in, or would be in if it were not left out: then no samples wait of it."""
+        if isinstance(self.state, LeftOut) and not isinstance(inner, Recalling):
+            self.state = LeftOut(inner)
+        else:
+            self.state = inner
+        return inner
+
+    # -- what outlives its states -----------------------------------------------------------------
+
+    def note_fault(self, error: Exception, now_s: float) -> None:
+        """A fault of the program over this vehicle's samples; where it has no monitor, those that wait are dropped."""
+        self.counts.count("faults")
+        self.fault = Fault(f"{type(error).__name__}: {error}"[:200], now_s)
+        if self.watch is None:  # there is none to be made, and what waits for it must not grow
+            self.drop_waiting()
+
+    def number_manoeuvre(self) -> int:
+        """One more manoeuvre has ended; the how manyth."""
+        self.manoeuvres_flown += 1
+        return self.manoeuvres_flown
+
+    def show(self, state: VehicleState) -> bool:
+        """This is its state now; whether it was another one."""
+        changed = state is not self.shown
+        self.shown = state
+        return changed
+
+    def note_published(self, now_s: float) -> None:
+        """Its status is published now."""
+        self.published_s = now_s
 
 
-def _change_text(change: ChangeRecord | None) -> str:
-    """That the baseline is not what the flight began with."""
-    if change is None:
-        return ""
-    at = datetime.fromtimestamp(change.at_s, UTC).strftime("%Y-%m-%d %H:%M UTC")
-    by = f" by {change.who}" if change.who else ""
-    return f" The baseline was changed{by} at {at} ({change.action}: {change.text}), and counts as it is now."
-
-
-def _with_refusal(reason: str, refused: bool) -> str:
-    """The reason, with a second publisher where messages of one were refused."""
-    return f"{reason.rstrip('.')}. {_REFUSED}." if refused else reason
+def _kind(message: AircraftMessage) -> tuple[str, str]:
+    return message.aircraft, message.configuration

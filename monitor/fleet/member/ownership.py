@@ -45,11 +45,28 @@ class Ownership:
         ended = self.left_s > self.heard_s - _FAREWELL_S
         return not ended and at_s - self.heard_s < silence_s
 
-    def is_others(self, message: AircraftMessage, stream: Stream | None) -> bool:
-        """Whether an aircraft message is not of the publisher with that stream, as far as can be said."""
-        if stream is None or message.stream == stream:
+    def hear(self, at_s: float) -> None:
+        """A message of its own came then."""
+        self.heard_s = at_s
+
+    def leave(self, at_s: float) -> None:
+        """Its liveliness token went then."""
+        self.left_s = at_s
+
+    def accept(self, message: AircraftMessage, stream: Stream | None, at_s: float, silence_s: float) -> bool:
+        """Whether an aircraft message is the owner's own, as far as can be said; what another announces is a claim.
+
+        Args:
+            stream: of the owner, None where it says none.
+            at_s: arrival of the message; silence_s: after which the name is free.
+        """
+        says = message.stream is not None
+        others = stream is not None and message.stream != stream and (says or self.named)
+        if others and self.holds(at_s, silence_s):
+            self.claim = message if says else self.claim
             return False
-        return message.stream is not None or self.named
+        self.named = says
+        return True
 
     def claimed(self, stream: Stream | None) -> AircraftMessage | None:
         """What the publisher with that stream announced while it was refused, once."""
