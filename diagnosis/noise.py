@@ -15,16 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.diagnosis.candidate import Subject
-from wingwatch.diagnosis.innovations import (
-    Change,
-    Filter,
-    Mask,
-    Path,
-    change_of,
-    kalman_filter,
-    sensitivities,
-)
-from wingwatch.diagnosis.linear_model import LinearModel, Noise
+from wingwatch.diagnosis.innovations import Filter, Mask, Path, kalman_filter, sensitivities
+from wingwatch.diagnosis.linear_model import Noise
 from wingwatch.diagnosis.problem import WORKERS, Point, Problem, RunsAwayError, linear_at, model_at
 from wingwatch.diagnosis.replay import SURFACE_OUTPUTS, without_delays
 from wingwatch.diagnosis.windows import all_seen, fly_filtered, seen_in
@@ -174,17 +166,6 @@ def _step(information: Array, score: Array, free: Mask, reach: float) -> Array:
     return step
 
 
-def _filters(
-    problem: Problem, linear: Sequence[LinearModel], noises: Sequence[Noise], base: Filter, seen: Mask
-) -> tuple[Change, Array]:
-    """What further models and noises change of a filter, and of ln of its deviations (samples, used, eta)."""
-    others = [
-        kalman_filter(its, noise, problem.used, seen, base) for its, noise in zip(linear, noises, strict=True)
-    ]
-    spreads = np.stack([np.log(other.deviation / base.deviation) / _STEP for other in others], axis=-1)
-    return change_of(base, others, np.full(len(others), _STEP)), spreads
-
-
 class _Levels:
     """Equation (5) at logarithms of the standard deviations, eta.
 
@@ -233,33 +214,33 @@ class _Levels:
 
     def slopes(self) -> tuple[Array, Array]:
         """Gradient downwards and information."""
-        problem, eta = self._problem, self.eta
-        noises = [_noise_at(one, problem.used, self._point.noise) for one in eta + _STEP * np.eye(len(eta))]
-
-        def of_group(group: int) -> tuple[list[LinearModel], tuple[Change, Array]]:
-            base = self._filters[group]
-            linear = [base.linear] * (len(noises) - 2)
-            linear += [
-                linear_at(problem, group, self._model, one) for one in noises[-2:]
-            ]  # how gusts are felt
-            return linear, _filters(problem, linear, noises, base, all_seen(problem, group))
-
-        @np.errstate(all="ignore")
-        def of_window(w: int) -> tuple[Array, Array]:
-            filtering, path = self._flown[w]
-            linear, changes = found[problem.groups[w]]
-            if self._misses(w):
-                changes = _filters(problem, linear, noises, filtering, self._seen[w])
-            change, spreads = changes
-            seen = path.seen
-            psi = (sensitivities(filtering, path, change) / path.deviation[..., None])[seen]
-            sigma = spreads[np.minimum(np.arange(len(seen)), len(spreads) - 1)][seen]
-            white = (path.innovations / path.deviation)[seen]
-            return sigma.T @ (white**2 - 1.0) - psi.T @ white, psi.T @ psi + 2.0 * sigma.T @ sigma
-
-        groups = tuple(dict.fromkeys(problem.groups))
+        alike: dict[
+            tuple[int, int], list[int]
+        ] = {}  # windows by their group, those that miss readings one by one
+        for w, group in enumerate(self._problem.groups):
+            alike.setdefault((group, w if self._misses(w) else -1), []).append(w)
         with ThreadPoolExecutor(WORKERS) as pool:
-            found = dict(zip(groups, pool.map(of_group, groups), strict=True))
-            parts = list(pool.map(of_window, range(len(problem.windows))))
+            parts = [part for found in pool.map(self._slopes_of, alike.values()) for part in found]
         information = sum((p[1] for p in parts), np.diag(self._known))
         return sum((p[0] for p in parts), -self._known * self._off), information
+
+    @np.errstate(all="ignore")
+    def _slopes_of(self, windows: Sequence[int]) -> list[tuple[Array, Array]]:
+        """Of windows with the same filter, what each adds to gradient and information."""
+        problem, eta = self._problem, self.eta
+        noises = [_noise_at(one, problem.used, self._point.noise) for one in eta + _STEP * np.eye(len(eta))]
+        group, filtering = problem.groups[windows[0]], self._flown[windows[0]][0]
+        linear = [filtering.linear] * (len(noises) - 2)
+        linear += [linear_at(problem, group, self._model, one) for one in noises[-2:]]  # how gusts are felt
+        readings = self._seen[windows[0]] if self._misses(windows[0]) else all_seen(problem, group)
+        paths, out = [self._flown[w][1] for w in windows], []
+        spreads, changes = sensitivities(
+            filtering, readings, list(zip(linear, noises, strict=True)), _STEP, paths
+        )
+        for path, change in zip(paths, changes, strict=True):
+            seen = path.seen
+            psi = (change / path.deviation[..., None])[seen]
+            sigma = spreads[np.minimum(np.arange(len(seen)), len(spreads) - 1)][seen]
+            white = (path.innovations / path.deviation)[seen]
+            out.append((sigma.T @ (white**2 - 1.0) - psi.T @ white, psi.T @ psi + 2.0 * sigma.T @ sigma))
+        return out
