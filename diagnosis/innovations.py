@@ -169,8 +169,9 @@ def fly(
     )  # fmt: skip
     linear = filtering.linear
     air, moves = _entries(linear.disturbance[:, STATES:]), _entries(linear.transition[STATES:, STATES:])
+    of_outputs = sparse(filtering.output[None])
     _fly(
-        (model.row, model.sensors, start, trims), inputs, measured, filtering.used, (air, moves, filtering.output),
+        (model.row, model.sensors, start, trims), inputs, measured, filtering.used, (air, moves, of_outputs),
         filtering.gain, filtering.deviation, path,
     )  # fmt: skip
     path.innovations[:, : filtering.given] = 0.0
@@ -240,7 +241,9 @@ def _fly(version, inputs, measured, used, linear, gains, deviations, path):  # t
                     path.before[t, i, STATES + j] = blown[j] + dx[STATES + j]
             if path.seen[t, i]:
                 k = used[i]
-                e = measured[t, i] - (1.0 + sensors[k, SCALE]) * read[k] - sensors[k, BIAS] - _along(h, i, dx)
+                e = measured[t, i] - (1.0 + sensors[k, SCALE]) * read[k] - sensors[k, BIAS]
+                for n in range(h.starts[i], h.starts[i + 1]):
+                    e -= h.values[0, n] * dx[h.columns[n]]
                 for j in range(WIDTH):
                     dx[j] += gains[at, i, j] * e
                 path.innovations[t, i], path.deviation[t, i] = e, deviations[at, i]
@@ -252,8 +255,8 @@ def _fly(version, inputs, measured, used, linear, gains, deviations, path):  # t
             x[3 + j] += dx[j]
             x[10 + j] += dx[3 + j]
         if dx[6] != 0.0 or dx[7] != 0.0:
-            roll, pitch, _ = euler_angles(x)
-            set_attitude(x, roll + dx[6], pitch + dx[7])
+            roll, pitch, heading = euler_angles(x)
+            set_attitude(x, roll + dx[6], pitch + dx[7], heading)
         _multiply(air, blown, here)
         _multiply(moves, blown, later)
         blown[:] = later
@@ -269,15 +272,6 @@ def _multiply(entries, vector, out):  # type: ignore[no-untyped-def]
     out[:] = 0.0
     for n in range(values.size):
         out[rows[n]] += values[n] * vector[columns[n]]
-
-
-@compiled(error_model="numpy", nogil=True, fastmath={"reassoc", "contract"})
-def _along(h, i, vector):  # type: ignore[no-untyped-def]
-    """Row ``i`` of h times a vector (22,), summed in any order: one after another each sum would wait for the last."""
-    total = 0.0
-    for j in range(WIDTH):
-        total += h[i, j] * vector[j]
-    return total
 
 
 @compiled(error_model="numpy", nogil=True)

@@ -133,12 +133,16 @@ class LinearModel(NamedTuple):
 
 _DOUBLINGS = 24
 """2^24 samples are long after any beginning."""
+_FORGOTTEN = 1e-12
+"""Part of a beginning below which its square adds nothing."""
 
 
 def _long_after(moves: Array, process: Array) -> Array:
     """Covariance p = F p F' + process, by doubling the time gone."""
     spread = process
     for _ in range(_DOUBLINGS):
+        if np.abs(moves).max() < _FORGOTTEN:
+            break
         spread = spread + moves @ spread @ moves.T
         moves = moves @ moves
     return spread
