@@ -2,9 +2,10 @@
 
 import contextlib
 import fcntl
+import gc
 import os
 import uuid
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,17 @@ from wingwatch.baselines import Database, open_database
 
 POSTGRES_URL = os.environ.get("WINGWATCH_TEST_POSTGRES_URL", "")
 _LOCKED: set[Path] = set()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """No garbage is looked for while thousands of modules and tests are made, and none in them afterwards."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @contextlib.contextmanager

@@ -78,7 +78,9 @@ def test_what_changes_a_filter_alone_is_as_equation_3_says_of_each_version_and_w
     linear = [linear_at(its, 0, model, one) for one in noises]
     base = kalman_filter(linear_at(its, 0, model, noise), noise, its.used, seen)
     path = fly_filtered(its, 0, model, point.trims[0], base, measured, air_too=True)
-    short = Path(*(part[:100] for part in path))
+    short = Path(
+        path.innovations[:100], path.deviation[:100], path.seen[:100], path.before[:100], path.after[:100]
+    )
     versions = list(zip(linear, noises, strict=True))
     spreads, found = sensitivities(base, seen, versions, step, [path, short])
     for v, version in enumerate(versions):
