@@ -1,4 +1,4 @@
-"""Gains of the filter of equation (1), and what changes a filter alone, against plain numpy."""
+"""Gains of a window's filter, and what changes a filter alone, against plain numpy."""
 
 from dataclasses import replace
 from functools import cache
@@ -55,7 +55,7 @@ def test_gains_are_those_of_a_plain_kalman_filter_where_readings_miss_and_where_
 
 
 def differentiated(base: Filter, other: Filter, path: Path, step: float) -> Array:
-    """Equation (3), column by column as it is written, (samples, used)."""
+    """What a filter changes of the innovations of a path, output by output, (samples, used)."""
     f, h = base.linear.transition, base.output
     by_f, by_h = (other.linear.transition - f) / step, (other.output - h) / step
     by_gain, x = (other.gain - base.gain) / step, np.zeros(len(f))
@@ -69,7 +69,7 @@ def differentiated(base: Filter, other: Filter, path: Path, step: float) -> Arra
     return column
 
 
-def test_what_changes_a_filter_alone_is_as_equation_3_says_of_each_version_and_window() -> None:
+def test_what_changes_a_filter_alone_is_the_same_for_versions_and_windows_side_by_side() -> None:
     its, point = problem()
     model, seen, step = its.subject.model, all_seen(its, 0), 1e-3
     noise, measured = point.noise, its.subject.flight.outputs
