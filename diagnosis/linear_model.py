@@ -14,6 +14,7 @@ docs/methods/diagnosis.md, section 2.
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -139,7 +140,13 @@ _FORGOTTEN = 1e-12
 
 def _long_after(moves: Array, process: Array) -> Array:
     """Covariance p = F p F' + process, by doubling the time gone."""
-    spread = process
+    return _doubled(moves.tobytes(), process.tobytes())
+
+
+@lru_cache(maxsize=64)
+def _doubled(moves_of_air: bytes, process: bytes) -> Array:
+    """The same air surrounds every version of an aircraft that is compared at some noise."""
+    moves, spread = (np.frombuffer(part).reshape(WIDTH - STATES, -1) for part in (moves_of_air, process))
     for _ in range(_DOUBLINGS):
         if np.abs(moves).max() < _FORGOTTEN:
             break
