@@ -196,7 +196,12 @@ def sensitivities(
 
     Returns derivatives of ln of the deviations, (samples of gains, used, versions); of each window's innovations,
     (samples, used, versions).
+
+    Raises:
+        ValueError: more versions than a row has places.
     """
+    if len(versions) > ROW:
+        raise ValueError(f"{len(versions)} versions side by side; at most {ROW} have a place in a row")
     linear, noises = zip(*versions, strict=True)
     them = _covariances([filtering.linear, *linear], [noises[0], *noises], filtering.used)
     used, lengths = filtering.used.size, np.array([len(path.innovations) for path in paths])
