@@ -22,6 +22,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from wingwatch.diagnosis.covariance import (
+    Covariances,
+    advance_covariances,
+    in_rows,
+    predict_covariances,
+    settle,
+    sparse,
+)
 from wingwatch.diagnosis.linear_model import STATES, WIDTH, LinearModel, Noise
 from wingwatch.diagnosis.replay import (
     BIAS,
@@ -38,13 +46,12 @@ from wingwatch.diagnosis.replay import (
     work_space,
 )
 from wingwatch.kernels.decorators import compiled, helper
+from wingwatch.kernels.rows import ROW, add_row, add_rows
 from wingwatch.simulation.dynamics import euler_angles
 
 __all__ = [
-    "Change",
     "Filter",
     "Path",
-    "change_of",
     "fly",
     "kalman_filter",
     "sensitivities",
@@ -52,9 +59,6 @@ __all__ = [
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
-_HOLDS = 1e-4
-"""Relative change of gains below which they hold."""
 
 
 class Filter(NamedTuple):
@@ -88,16 +92,13 @@ def kalman_filter(
         seen: which readings are there.
         like: a filter with as many samples of gains; without it, until they hold.
     """
-    process, start = linear.covariances(noise)
     index = np.array(used)
     samples = len(seen) if like is None else len(like.gain)
     gain, deviation = np.zeros((samples, index.size, WIDTH)), np.ones((samples, index.size))
     output = np.ascontiguousarray(linear.output[index])
     holds_from = int(np.flatnonzero(np.r_[True, (seen[1:] != seen[:-1]).any(axis=1)])[-1])
-    count = _settle(
-        linear.transition, output, (process, noise.sensors[index] ** 2, start), seen, gain, deviation,
-        holds_from if like is None else samples,
-    )  # fmt: skip
+    them = _covariances([linear], [noise], index)
+    count = settle(them, seen, gain, deviation, holds_from if like is None else samples)
     given = int(noise.any_force_x)
     deviation[:, :given] = 1.0
     return Filter(linear, index, output, gain[:count], deviation[:count], given)
@@ -109,28 +110,17 @@ def _entries(matrix: Array) -> tuple[NDArray[np.int64], NDArray[np.int64], Array
     return rows, columns, matrix[rows, columns]
 
 
-class Change(NamedTuple):
-    """Derivatives of a filter by parameters.
-
-    Attributes:
-        transition: transposed, (parameters, 22, 22).
-        output: (parameters, used, 22).
-        gain: (parameters, samples, used, 22).
-    """
-
-    transition: Array
-    output: Array
-    gain: Array
-
-
-def change_of(base: Filter, others: Sequence[Filter], steps: Array) -> Change:
-    """Differences of filters by their steps."""
-    pairs = list(zip(others, steps, strict=True))
-    return Change(
-        np.array([(other.linear.transition - base.linear.transition).T / step for other, step in pairs]),
-        np.array([(other.output - base.output) / step for other, step in pairs]),
-        np.array([(other.gain - base.gain) / step for other, step in pairs]),
-    )
+def _covariances(
+    linear: Sequence[LinearModel], noises: Sequence[Noise], index: NDArray[np.int64]
+) -> Covariances:
+    """Before the first sample, of several versions of equation (1)."""
+    both = [its.covariances(noise) for its, noise in zip(linear, noises, strict=True)]
+    return Covariances(
+        sparse(np.array([its.transition for its in linear])), sparse(np.array([its.output[index] for its in linear])),
+        in_rows(np.array([process for process, _ in both])), np.array([n.sensors[index] ** 2 for n in noises]),
+        in_rows(np.array([start for _, start in both])), np.zeros((WIDTH, ROW)), np.zeros((WIDTH, ROW)),
+        np.zeros((1, ROW)),
+    )  # fmt: skip
 
 
 class Path(NamedTuple):
@@ -179,26 +169,60 @@ def fly(
     )  # fmt: skip
     linear = filtering.linear
     air, moves = _entries(linear.disturbance[:, STATES:]), _entries(linear.transition[STATES:, STATES:])
+    of_outputs = sparse(filtering.output[None])
     _fly(
-        (model.row, model.sensors, start, trims), inputs, measured, filtering.used, (air, moves, filtering.output),
+        (model.row, model.sensors, start, trims), inputs, measured, filtering.used, (air, moves, of_outputs),
         filtering.gain, filtering.deviation, path,
     )  # fmt: skip
     path.innovations[:, : filtering.given] = 0.0
     return path
 
 
-def sensitivities(filtering: Filter, path: Path, change: Change) -> Array:
-    """Change of a window's innovations by what changes its filter alone, (samples, used, parameters): equation (3)."""
-    samples, used, width = *path.innovations.shape, len(change.output)
-    columns = np.zeros((samples, used, width))
-    for k in range(used):
-        columns[:, k] -= path.before[:, k] @ change.output[:, k].T
+def sensitivities(
+    filtering: Filter,
+    seen: Mask,
+    versions: Sequence[tuple[LinearModel, Noise]],
+    step: float,
+    paths: Sequence[Path],
+) -> tuple[Array, list[Array]]:
+    """What changes a filter alone changes of its deviations and of the innovations of windows: equation (3).
+
+    Args:
+        filtering: of the windows.
+        seen: which readings its gains are for, (samples, used).
+        versions: equation (1) and noise, each one step along a parameter; at most ``ROW``.
+        step: so long.
+        paths: of the windows, with states of the air.
+
+    Returns derivatives of ln of the deviations, (samples of gains, used, versions); of each window's innovations,
+    (samples, used, versions).
+
+    Raises:
+        ValueError: more versions than a row has places.
+    """
+    if len(versions) > ROW:
+        raise ValueError(f"{len(versions)} versions side by side; at most {ROW} have a place in a row")
+    linear, noises = zip(*versions, strict=True)
+    them = _covariances([filtering.linear, *linear], [noises[0], *noises], filtering.used)
+    used, lengths = filtering.used.size, np.array([len(path.innovations) for path in paths])
+    padded = [
+        np.zeros((len(paths), lengths.max(), *np.shape(part)[1:]), np.asarray(part).dtype)
+        for part in paths[0]
+    ]
+    for w, path in enumerate(paths):
+        for whole, part in zip(padded, path, strict=True):
+            whole[w, : lengths[w]] = part
+    spreads = np.zeros((len(filtering.gain), used, ROW))
+    columns = np.zeros((len(paths), lengths.max() * used, ROW))
+    by_step = [(values[1:] - values[0]) / step for values in (them.transition.values, them.output.values)]
+    differ = np.flatnonzero(by_step[0].any(axis=1) | by_step[1].any(axis=1))
     _differentiate(
-        np.ascontiguousarray(filtering.linear.transition.T), filtering.output, filtering.gain, change.gain,
-        path.after @ change.transition, columns, path,
+        (filtering.gain, filtering.deviation), them, seen, step, (differ, *by_step), (lengths, Path(*padded)),
+        spreads, columns,
     )  # fmt: skip
-    columns[:, : filtering.given] = 0.0
-    return columns
+    columns = columns.reshape(len(paths), -1, used, ROW)[..., : len(versions)]
+    spreads[:, : filtering.given], columns[:, :, : filtering.given] = 0.0, 0.0
+    return spreads[..., : len(versions)], [columns[w, :length] for w, length in enumerate(lengths)]
 
 
 @compiled(error_model="numpy", nogil=True)
@@ -222,7 +246,9 @@ def _fly(version, inputs, measured, used, linear, gains, deviations, path):  # t
                     path.before[t, i, STATES + j] = blown[j] + dx[STATES + j]
             if path.seen[t, i]:
                 k = used[i]
-                e = measured[t, i] - (1.0 + sensors[k, SCALE]) * read[k] - sensors[k, BIAS] - _along(h, i, dx)
+                e = measured[t, i] - (1.0 + sensors[k, SCALE]) * read[k] - sensors[k, BIAS]
+                for n in range(h.starts[i], h.starts[i + 1]):
+                    e -= h.values[0, n] * dx[h.columns[n]]
                 for j in range(WIDTH):
                     dx[j] += gains[at, i, j] * e
                 path.innovations[t, i], path.deviation[t, i] = e, deviations[at, i]
@@ -234,8 +260,8 @@ def _fly(version, inputs, measured, used, linear, gains, deviations, path):  # t
             x[3 + j] += dx[j]
             x[10 + j] += dx[3 + j]
         if dx[6] != 0.0 or dx[7] != 0.0:
-            roll, pitch, _ = euler_angles(x)
-            set_attitude(x, roll + dx[6], pitch + dx[7])
+            roll, pitch, heading = euler_angles(x)
+            set_attitude(x, roll + dx[6], pitch + dx[7], heading)
         _multiply(air, blown, here)
         _multiply(moves, blown, later)
         blown[:] = later
@@ -253,103 +279,61 @@ def _multiply(entries, vector, out):  # type: ignore[no-untyped-def]
         out[rows[n]] += values[n] * vector[columns[n]]
 
 
-@compiled(error_model="numpy", nogil=True, fastmath={"reassoc", "contract"})
-def _along(h, i, vector):  # type: ignore[no-untyped-def]
-    """Row ``i`` of h times a vector (22,), summed in any order: one after another each sum would wait for the last."""
-    total = 0.0
-    for j in range(WIDTH):
-        total += h[i, j] * vector[j]
-    return total
-
-
 @compiled(error_model="numpy", nogil=True)
-def _differentiate(f, h, gains, gain_changes, moved, columns, path):  # type: ignore[no-untyped-def]
-    """Equation (3), in place: columns begin with what the changed outputs make of the states; f is Phi transposed."""
-    samples, outputs, width = columns.shape
-    x = np.zeros((width, WIDTH))
-    for t in range(samples):
-        at = min(t, gains.shape[0] - 1)
-        for k in range(outputs):
-            if not path.seen[t, k]:
-                columns[t, k, :] = 0.0
-                continue
-            here = path.innovations[t, k]
-            for c in range(width):
-                e = columns[t, k, c] - _along(h, k, x[c])
-                columns[t, k, c] = e
-                for i in range(WIDTH):
-                    x[c, i] += gains[at, k, i] * e + gain_changes[c, at, k, i] * here
-        x = x @ f
-        x += moved[:, t]
+def _differentiate(base, them, seen, step, differences, windows, spreads, columns):  # type: ignore[no-untyped-def]
+    """Equation (3) for all versions side by side, sample by sample with the covariances: their gains are not kept.
 
-
-@compiled(error_model="numpy", nogil=True)
-def _settle(f, h, covariances, seen, gain, deviation, holds_from):  # type: ignore[no-untyped-def]
-    """Gains and deviations of every sample until they hold; how many samples these are.
-
-    Covariances of the processes' noise (n, n), of the outputs' (used,), of the states before the first sample (n, n).
+    ``them``: the filter's own version, then the others; ``differences``: which of these have another equation (1), and
+    its derivatives; ``columns``: (windows, samples * used, ROW).
     """
-    process, variance, p = covariances
-    samples, outputs = deviation.shape
-    n = f.shape[0]
-    new, half, whole = np.zeros(n), np.zeros((n, n)), np.zeros((n, n))
-    gains, deviations = np.zeros((outputs, n)), np.ones(outputs)
-    for t in range(samples):
-        change = 0.0
-        for k in range(outputs):
-            if seen[t, k]:
-                change = max(change, _gain(p, h, variance[k], gains, new, deviations, k))
-                deviation[t, k] = deviations[k]
-                for i in range(n):
-                    gain[t, k, i] = gains[k, i]
-        if change < _HOLDS and t > holds_from:
-            return t + 1
-        _times(f, p, half)
-        for i in range(n):
-            for j in range(n):
-                whole[i, j] = half[j, i]
-        _times(f, whole, p)
-        for i in range(n):
-            for j in range(n):
-                p[i, j] += process[i, j]
-    return samples
+    (gains, deviations), (lengths, paths) = base, windows
+    outputs, versions = deviations.shape[1], them.variance.shape[0] - 1
+    now, spread = np.zeros((versions, outputs, WIDTH)), np.ones((versions, outputs))
+    changes, x, work = (
+        np.zeros((outputs * WIDTH, ROW)),
+        np.zeros((lengths.size, WIDTH, ROW)),
+        np.zeros((WIDTH, ROW)),
+    )
+    for t in range(paths.innovations.shape[1]):
+        at = min(t, gains.shape[0] - 1)
+        for v in range(versions):
+            if t > at:
+                break  # all gains hold
+            advance_covariances(them, v + 1, seen[t], now[v], spread[v])
+            predict_covariances(them, v + 1)
+            for k in range(outputs):
+                if seen[t, k]:
+                    spreads[t, k, v] = math.log(spread[v, k] / deviations[t, k]) / step
+                    for i in range(WIDTH):
+                        changes[k * WIDTH + i, v] = (now[v, k, i] - gains[t, k, i]) / step
+        for w in range(lengths.size):
+            if t < lengths[w]:
+                _take(them, gains[at], changes, differences, (paths, w, t), x[w], work, columns[w])
 
 
 @helper
-def _times(f, p, out):  # type: ignore[no-untyped-def]
-    """f p into ``out``; two thirds of f are nothing."""
-    n = p.shape[0]
-    for i in range(n):
-        for j in range(n):
-            out[i, j] = 0.0
-        for k in range(n):
-            weight = f[i, k]
-            if weight != 0.0:
-                for j in range(n):
-                    out[i, j] += weight * p[k, j]
-
-
-@helper
-def _gain(p, h, variance, gains, new, deviations, k):  # type: ignore[no-untyped-def]
-    """Gain of one output, and p after it; returns the relative change of the innovation's deviation."""
-    n = p.shape[0]
-    s = variance
-    for i in range(n):
-        new[i] = 0.0
-    for j in range(n):
-        weight = h[k, j]
-        if weight != 0.0:
-            for i in range(n):
-                new[i] += p[j, i] * weight
-    for i in range(n):
-        s += h[k, i] * new[i]
-    deviation = math.sqrt(s)
-    change = abs(deviation / deviations[k] - 1.0)
-    deviations[k] = deviation
-    for i in range(n):
-        moved = new[i] / s
-        change = max(change, abs((moved - gains[k, i]) * h[k, i]))
-        gains[k, i] = moved
-        for j in range(n):
-            p[i, j] -= moved * new[j]
-    return change
+def _take(them, gain, changes, differences, here, x, work, columns):  # type: ignore[no-untyped-def]
+    """Equation (3) over one sample of a window: its rows of ``columns``, and x (22, ROW) advanced."""
+    (differ, by_transition, by_output), (paths, w, t) = differences, here
+    outputs, (starts, places, values) = gain.shape[0], them.output
+    weights = values[0]
+    for k in range(outputs):
+        if not paths.seen[w, t, k]:
+            continue
+        row, innovation = t * outputs + k, paths.innovations[w, t, k]
+        for n in range(starts[k], starts[k + 1]):
+            for v in differ:
+                columns[row, v] -= by_output[v, n] * paths.before[w, t, k, places[n]]
+            add_row(columns, row, -weights[n], x, places[n])
+        for i in range(WIDTH):
+            add_row(x, i, gain[k, i], columns, row)
+            add_row(x, i, innovation, changes, k * WIDTH + i)
+    starts, places, values = them.transition
+    weights = values[0]
+    work[:] = 0.0
+    for i in range(WIDTH):
+        add_rows(work, i, weights, places, starts[i], starts[i + 1], x)
+        for n in range(starts[i], starts[i + 1]):
+            for v in differ:
+                work[i, v] += by_transition[v, n] * paths.after[w, t, places[n]]
+    x[:] = work

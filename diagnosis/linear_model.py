@@ -14,6 +14,7 @@ docs/methods/diagnosis.md, section 2.
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -44,10 +45,12 @@ __all__ = [
     "STATES",
     "WIDTH",
     "LinearModel",
+    "MeanMotion",
     "Noise",
     "by_coefficients",
     "fastest_rad_s",
     "linear_model",
+    "mean_motion",
 ]
 
 Array = NDArray[np.float64]
@@ -133,12 +136,22 @@ class LinearModel(NamedTuple):
 
 _DOUBLINGS = 24
 """2^24 samples are long after any beginning."""
+_FORGOTTEN = 1e-12
+"""Part of a beginning below which its square adds nothing."""
 
 
 def _long_after(moves: Array, process: Array) -> Array:
     """Covariance p = F p F' + process, by doubling the time gone."""
-    spread = process
+    return _doubled(moves.tobytes(), process.tobytes())
+
+
+@lru_cache(maxsize=64)
+def _doubled(moves_of_air: bytes, process: bytes) -> Array:
+    """The same air surrounds every version of an aircraft that is compared at some noise."""
+    moves, spread = (np.frombuffer(part).reshape(WIDTH - STATES, -1) for part in (moves_of_air, process))
     for _ in range(_DOUBLINGS):
+        if np.abs(moves).max() < _FORGOTTEN:
+            break
         spread = spread + moves @ spread @ moves.T
         moves = moves @ moves
     return spread
@@ -167,35 +180,52 @@ class Noise:
     any_force_x: bool = False
 
 
-def linear_model(
-    model: Model, mean: Array, trims: Array, inputs: Inputs, span_m: float, noise: Noise
-) -> LinearModel:
+class MeanMotion(NamedTuple):
+    """A window's mean motion, and what lies a small step beside it.
+
+    Attributes:
+        inputs: at their mean, over one sample.
+        centre: rigid-body state (13,); beside: one step further along each of ``START``, then one step back, (16, 13).
+        speed: m/s.
+        flown: whether each surface's measured position is flown, (3,).
+    """
+
+    inputs: Inputs
+    centre: Array
+    beside: Array
+    speed: float
+    flown: NDArray[np.bool_]
+
+
+def mean_motion(mean: Array, inputs: Inputs) -> MeanMotion:
+    """Of the mean of ``START`` in a window (8,) and the window's inputs."""
+    beside = [body_state(s, inputs.altitude) for s in (*(mean + np.diag(_STEPS)), *(mean - np.diag(_STEPS)))]
+    speed = max(float(np.linalg.norm(mean[:3])), 1.0)
+    flown = np.asarray(np.isfinite(inputs.flown).all(axis=0))
+    return MeanMotion(still(inputs), body_state(mean, inputs.altitude), np.array(beside), speed, flown)
+
+
+def linear_model(model: Model, about: MeanMotion, trims: Array, span_m: float, noise: Noise) -> LinearModel:
     """Equation (1) about a mean motion, by central differences of the replay.
 
     Args:
         model: the simulation.
-        mean: of ``START`` in the window, (8,).
+        about: the mean motion of the window.
         trims: of the window, (6,).
-        inputs: of the window; their mean is held.
         span_m: of the wing.
         noise: how gusts are felt.
     """
-    held = still(inputs)
-    states = np.array(
-        [body_state(s, inputs.altitude) for s in (*(mean + np.diag(_STEPS)), *(mean - np.diag(_STEPS)))]
-    )
+    held, speed, flown = about.inputs, about.speed, about.flown
     phi, h = np.empty((STATES, STATES)), np.empty((_K, STATES))
     first, last = np.empty((STATES, DISTURBANCES)), np.empty((STATES, DISTURBANCES))
     d = np.empty((_K, DISTURBANCES))
-    _differences(model.row, states, body_state(mean, inputs.altitude), trims, held, (phi, h, first, last, d))
+    _differences(model.row, about.beside, about.centre, trims, held, (phi, h, first, last, d))
     gain = 1.0 + model.sensors[:, SCALE, None]
-    speed = max(float(np.linalg.norm(mean[:3])), 1.0)
-    flown = np.isfinite(inputs.flown).all(axis=0)
     for by_disturbance in (first, last, d):
         by_disturbance[:, AIR:] *= flown
     # a servo follows its command, not its sensor; the disturbance is position less reading
     d[SURFACE_OUTPUTS:, AIR:] = -np.diag(flown.astype(np.float64))
-    by_states, moves, driven, keep = _disturbances(inputs.dt, speed, span_m, noise)
+    by_states, moves, driven, keep = _disturbances(held.dt, speed, span_m, noise)
     transition, output = moves.copy(), np.zeros((_K, WIDTH))
     transition[:STATES, :STATES], output[:, :STATES] = phi, h
     transition[:STATES] += first @ by_states + last @ by_states @ moves

@@ -7,6 +7,7 @@ With innovations e of standard deviation s at logarithms eta of the standard dev
 and Fisher's scoring goes downhill. A broad prior keeps what the data do not know where it was.
 """
 
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -14,17 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.diagnosis.candidate import Subject
-from wingwatch.diagnosis.innovations import (
-    Change,
-    Filter,
-    Mask,
-    change_of,
-    kalman_filter,
-    sensitivities,
-)
-from wingwatch.diagnosis.linear_model import LinearModel, Noise
+from wingwatch.diagnosis.innovations import Filter, Mask, Path, kalman_filter, sensitivities
+from wingwatch.diagnosis.linear_model import Noise
 from wingwatch.diagnosis.problem import WORKERS, Point, Problem, RunsAwayError, linear_at, model_at
-from wingwatch.diagnosis.replay import SURFACE_OUTPUTS, Model, without_delays
+from wingwatch.diagnosis.replay import SURFACE_OUTPUTS, without_delays
 from wingwatch.diagnosis.windows import all_seen, fly_filtered, seen_in
 
 __all__ = ["first_noise", "fit_noise", "likeliest_level"]
@@ -94,24 +88,24 @@ def fit_noise(problem: Problem, point: Point, passes: int = _MOST_PASSES) -> Poi
     ])  # fmt: skip
     most = np.full(len(eta), np.inf)
     most[-_FELT:] = prior[-_FELT:] + np.log([_MOST_ALONG, _MOST_GRADIENTS, _MOST_LAG])
-    model = model_at(problem, point)
-    cost, score, information = _sums(problem, model, point, eta, prior)
-    reach = _LONGEST
-    for _ in range(passes):
-        free = ~((eta <= least) & (score < 0.0) | (eta >= most) & (score > 0.0))
-        tried = np.clip(eta + _step(information, score, free, reach), least, most)
-        step = tried - eta
+    at = _Levels(problem, point, eta, prior)
+    score, information = at.slopes()
+    reach, left = _LONGEST, passes
+    while left > 0:
+        free = ~((at.eta <= least) & (score < 0.0) | (at.eta >= most) & (score > 0.0))
+        tried = np.clip(at.eta + _step(information, score, free, reach), least, most)
+        step = tried - at.eta
         if float(score @ step - 0.5 * step @ information @ step) < _ENOUGH:
             break
-        there = _sums(problem, model, point, tried, prior)
-        if there[0] < cost:
-            gained, reach = cost - there[0], min(2.0 * reach, _LONGEST)
-            eta, (cost, score, information) = tried, there
-            if gained < _ENOUGH:
+        there, left = _Levels(problem, point, tried, prior), left - 1
+        if there.cost < at.cost:
+            gained, reach, at = at.cost - there.cost, min(2.0 * reach, _LONGEST), there
+            if gained < _ENOUGH or left == 0:
                 break
+            score, information = at.slopes()
         else:
             reach /= 4.0
-    return replace(point, noise=_noise_at(eta, used, point.noise))
+    return replace(point, noise=_noise_at(at.eta, used, point.noise))
 
 
 _GUST_LEVELS = (0.002, 0.006, 0.02, 0.06)
@@ -172,53 +166,81 @@ def _step(information: Array, score: Array, free: Mask, reach: float) -> Array:
     return step
 
 
-def _filters(
-    problem: Problem, linear: list[LinearModel], noises: list[Noise], seen: Mask
-) -> tuple[Filter, Change, Array]:
-    """Filter by the first noise, its changes, and those of the logarithms of its deviations (samples, used, eta)."""
-    base = kalman_filter(linear[0], noises[0], problem.used, seen)
-    others = [
-        kalman_filter(its, noise, problem.used, seen, base)
-        for its, noise in zip(linear[1:], noises[1:], strict=True)
-    ]
-    spreads = np.stack([np.log(other.deviation / base.deviation) / _STEP for other in others], axis=-1)
-    return base, change_of(base, others, np.full(len(others), _STEP)), spreads
+class _Levels:
+    """Equation (5) at logarithms of the standard deviations, eta.
 
+    Attributes:
+        eta: where.
+        cost: minus log-likelihood there, less what was known of eta beforehand.
+    """
 
-def _sums(
-    problem: Problem, model: Model, point: Point, eta: Array, prior: Array
-) -> tuple[float, Array, Array]:
-    """Cost, gradient downwards, information."""
-    measured = without_delays(problem.subject.flight, model)
-    noises = [_noise_at(one, problem.used, point.noise) for one in (eta, *(eta + _STEP * np.eye(len(eta))))]
-    groups = tuple(dict.fromkeys(problem.groups))
+    def __init__(self, problem: Problem, point: Point, eta: Array, prior: Array) -> None:
+        self.eta, self._problem, self._point = eta, problem, point
+        self._model = model_at(problem, point)
+        self._noise = _noise_at(eta, problem.used, point.noise)
+        self._known = np.full(len(eta), _SPREAD**-2.0)
+        self._known[-_FELT] = _SPREAD_ALONG**-2.0
+        self._off = eta - prior
+        measured = without_delays(problem.subject.flight, self._model)
+        self._seen = [seen_in(problem, w, measured) for w in range(len(problem.windows))]
+        with ThreadPoolExecutor(WORKERS) as pool:
+            groups = tuple(dict.fromkeys(problem.groups))
+            self._filters = dict(zip(groups, pool.map(self._filter_of_group, groups), strict=True))
+            self._flown = list(pool.map(lambda w: self._fly(w, measured), range(len(problem.windows))))
+        cost = 0.0
+        for _, path in self._flown:
+            white = (path.innovations / path.deviation)[path.seen]
+            cost += 0.5 * float(white @ white) + float(np.log(path.deviation).sum())
+        self.cost = cost + 0.5 * float(self._off @ (self._known * self._off))
 
-    def of_group(group: int) -> tuple[list[LinearModel], tuple[Filter, Change, Array]]:
-        linear = [linear_at(problem, group, model, noises[0])] * (len(noises) - 2)
-        linear += [linear_at(problem, group, model, one) for one in noises[-2:]]  # how gusts are felt
-        return linear, _filters(problem, linear, noises, all_seen(problem, group))
+    def _filter_of_group(self, group: int) -> Filter:
+        problem = self._problem
+        linear = linear_at(problem, group, self._model, self._noise)
+        return kalman_filter(linear, self._noise, problem.used, all_seen(problem, group))
+
+    def _misses(self, w: int) -> bool:
+        """Whether a window misses readings that others of its group have."""
+        seen = self._seen[w]
+        return not np.array_equal(seen, all_seen(self._problem, self._problem.groups[w])[: len(seen)])
 
     @np.errstate(all="ignore")
-    def of_window(w: int) -> tuple[float, Array, Array]:
-        group, seen = problem.groups[w], seen_in(problem, w, measured)
-        linear, filters = found[group]
-        if not np.array_equal(seen, all_seen(problem, group)[: len(seen)]):
-            filters = _filters(problem, linear, noises, seen)
-        filtering, change, spreads = filters
-        path = fly_filtered(problem, w, model, point.trims[w], filtering, measured, air_too=True)
-        psi = sensitivities(filtering, path, change)
-        psi = (psi / path.deviation[..., None])[seen]
-        sigma = spreads[np.minimum(np.arange(len(seen)), len(spreads) - 1)][seen]
-        white = (path.innovations / path.deviation)[seen]
-        cost = 0.5 * float(white @ white) + float(np.log(path.deviation).sum())
-        return cost, sigma.T @ (white**2 - 1.0) - psi.T @ white, psi.T @ psi + 2.0 * sigma.T @ sigma
+    def _fly(self, w: int, measured: Array) -> tuple[Filter, Path]:
+        problem = self._problem
+        filtering = self._filters[problem.groups[w]]
+        if self._misses(w):
+            filtering = kalman_filter(filtering.linear, self._noise, problem.used, self._seen[w])
+        trims = self._point.trims[w]
+        return filtering, fly_filtered(problem, w, self._model, trims, filtering, measured, air_too=True)
 
-    with ThreadPoolExecutor(WORKERS) as pool:
-        found = dict(zip(groups, pool.map(of_group, groups), strict=True))
-        parts = list(pool.map(of_window, range(len(problem.windows))))
-    known = np.full(len(eta), _SPREAD**-2.0)
-    known[-_FELT] = _SPREAD_ALONG**-2.0
-    off = eta - prior
-    cost = sum(p[0] for p in parts) + 0.5 * float(off @ (known * off))
-    information = sum((p[2] for p in parts), np.diag(known))
-    return cost, sum((p[1] for p in parts), -known * off), information
+    def slopes(self) -> tuple[Array, Array]:
+        """Gradient downwards and information."""
+        alike: dict[
+            tuple[int, int], list[int]
+        ] = {}  # windows by their group, those that miss readings one by one
+        for w, group in enumerate(self._problem.groups):
+            alike.setdefault((group, w if self._misses(w) else -1), []).append(w)
+        with ThreadPoolExecutor(WORKERS) as pool:
+            parts = [part for found in pool.map(self._slopes_of, alike.values()) for part in found]
+        information = sum((p[1] for p in parts), np.diag(self._known))
+        return sum((p[0] for p in parts), -self._known * self._off), information
+
+    @np.errstate(all="ignore")
+    def _slopes_of(self, windows: Sequence[int]) -> list[tuple[Array, Array]]:
+        """Of windows with the same filter, what each adds to gradient and information."""
+        problem, eta = self._problem, self.eta
+        noises = [_noise_at(one, problem.used, self._point.noise) for one in eta + _STEP * np.eye(len(eta))]
+        group, filtering = problem.groups[windows[0]], self._flown[windows[0]][0]
+        linear = [filtering.linear] * (len(noises) - 2)
+        linear += [linear_at(problem, group, self._model, one) for one in noises[-2:]]  # how gusts are felt
+        readings = self._seen[windows[0]] if self._misses(windows[0]) else all_seen(problem, group)
+        paths, out = [self._flown[w][1] for w in windows], []
+        spreads, changes = sensitivities(
+            filtering, readings, list(zip(linear, noises, strict=True)), _STEP, paths
+        )
+        for path, change in zip(paths, changes, strict=True):
+            seen = path.seen
+            psi = (change / path.deviation[..., None])[seen]
+            sigma = spreads[np.minimum(np.arange(len(seen)), len(spreads) - 1)][seen]
+            white = (path.innovations / path.deviation)[seen]
+            out.append((sigma.T @ (white**2 - 1.0) - psi.T @ white, psi.T @ psi + 2.0 * sigma.T @ sigma))
+        return out

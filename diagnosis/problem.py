@@ -7,7 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.diagnosis.candidate import Candidate, Subject
-from wingwatch.diagnosis.linear_model import LinearModel, Noise, fastest_rad_s, linear_model
+from wingwatch.diagnosis.linear_model import (
+    LinearModel,
+    MeanMotion,
+    Noise,
+    fastest_rad_s,
+    linear_model,
+    mean_motion,
+)
 from wingwatch.diagnosis.measured import FORCE_X, LEAD_S, Window, finite_mean
 from wingwatch.diagnosis.replay import TRIMS, Inputs, Model, inputs_of, measured_start
 from wingwatch.diagnosis.trims import measured_trims
@@ -34,7 +41,7 @@ class Problem:
         windows: of the flight.
         inputs: of each window.
         groups: which windows share equation (1), by the first of them, (windows,).
-        centres: mean motion of each window's group, (windows, 8).
+        centres: mean motion of each window's group, (windows, 8); means: the same, ready for differences.
         starts: as the first samples of each have them, (windows, 8).
         trims: as mean forces and moments of each have them, (windows, 6).
         free_trims: which of ``TRIMS`` each window has of its own.
@@ -46,6 +53,7 @@ class Problem:
     inputs: tuple[Inputs, ...]
     groups: tuple[int, ...]
     centres: Array
+    means: tuple[MeanMotion, ...]
     starts: Array
     free_trims: tuple[int, ...]
     used: tuple[int, ...]
@@ -64,6 +72,7 @@ class Problem:
             windows=tuple(self.windows[w] for w in windows),
             groups=tuple([self.groups[v] for v in windows].index(self.groups[w]) for w in windows),
             centres=self.centres[list(windows)],
+            means=tuple(self.means[w] for w in windows),
             starts=self.starts[list(windows)],
             trims=self.trims[list(windows)],
         )
@@ -123,15 +132,16 @@ def prepare(subject: Subject, noise: Noise) -> tuple[Problem, Point]:
     if unknown:
         found = [measured_trims(flight, w, row, i) for w, i in zip(flight.windows, inputs, strict=True)]
         trims[:, list(unknown)] = np.array(found)[:, list(unknown)]
+    means = tuple(mean_motion(centre, i) for centre, i in zip(centres, inputs, strict=True))
     problem = Problem(
-        subject, flight.windows, tuple(inputs), groups, np.array(centres), np.array(starts), free, _used(subject),
-        trims,
+        subject, flight.windows, tuple(inputs), groups, np.array(centres), means, np.array(starts), free,
+        _used(subject), trims,
     )  # fmt: skip
     point = Point((), (), trims.copy(), noise)
     steps = [_steps(linear_at(problem, w, subject.model, noise), i.dt) for w, i in enumerate(inputs)]
-    return replace(
-        problem, inputs=tuple(i._replace(steps=n) for i, n in zip(inputs, steps, strict=True))
-    ), point
+    inputs = [i._replace(steps=n) for i, n in zip(inputs, steps, strict=True)]
+    means = tuple(m._replace(inputs=m.inputs._replace(steps=n)) for m, n in zip(means, steps, strict=True))
+    return replace(problem, inputs=tuple(inputs), means=means), point
 
 
 _SEEN_IN = {3: (1, 12), 6: (7,), 1: (5, 10), 5: (3, 13), 4: (2, 11), 7: (8,), 2: (6, 9), 0: (0, 4)}
@@ -171,7 +181,7 @@ def _steps(linear: LinearModel, dt_s: float) -> int:
 def linear_at(problem: Problem, w: int, model: Model, noise: Noise) -> LinearModel:
     """Equation (1) of a model in a window."""
     span_m = problem.subject.aircraft.need_geometry("diagnosis").span_m
-    linear = linear_model(model, problem.centres[w], problem.trims[w], problem.inputs[w], span_m, noise)
+    linear = linear_model(model, problem.means[w], problem.trims[w], span_m, noise)
     return linear.without(problem.subject.followed)
 
 

@@ -373,16 +373,15 @@ def follow(x, here, there):  # type: ignore[no-untyped-def]
         if here[3 + j] == here[3 + j]:
             x[10 + j] = 0.5 * (here[3 + j] + there[3 + j])
     if here[6] == here[6] or here[7] == here[7]:
-        roll, pitch, _ = euler_angles(x)
+        roll, pitch, heading = euler_angles(x)
         roll = 0.5 * (here[6] + there[6]) if here[6] == here[6] else roll
         pitch = 0.5 * (here[7] + there[7]) if here[7] == here[7] else pitch
-        set_attitude(x, roll, pitch)
+        set_attitude(x, roll, pitch, heading)
 
 
 @helper
-def set_attitude(x, roll, pitch):  # type: ignore[no-untyped-def]
-    """Roll and pitch angle of a rigid-body state (13,), the heading kept."""
-    _, _, heading = euler_angles(x)
+def set_attitude(x, roll, pitch, heading):  # type: ignore[no-untyped-def]
+    """Attitude of a rigid-body state (13,) from its Euler angles."""
     cr, sr, cp, sp = math.cos(0.5 * roll), math.sin(0.5 * roll), math.cos(0.5 * pitch), math.sin(0.5 * pitch)
     ch, sh = math.cos(0.5 * heading), math.sin(0.5 * heading)
     x[6], x[7] = cr * cp * ch + sr * sp * sh, sr * cp * ch - cr * sp * sh

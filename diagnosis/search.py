@@ -66,6 +66,7 @@ class Tried:
         evidence: equation (6), over the model without it; gain, inflated: g, without small errors, and f there; cost:
             what is taken off.
         value, error: its parameters, beside small errors.
+        anew: ``settled_anew`` from the fit, where that is known and no better.
     """
 
     candidate: Candidate
@@ -76,6 +77,7 @@ class Tried:
     cost: float
     value: Array
     error: Array
+    anew: Solution | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +164,7 @@ def search(problem: Problem, point: Point, candidates: Sequence[Candidate], prog
         if cause is None:
             break
         found.append(cause)
-        present = settled_anew(problem, cause.best.solution.point)
+        present = cause.best.anew or settled_anew(problem, cause.best.solution.point)
         if sum(f.matters for f in found) == MOST_CAUSES:
             break
     found, last = _sure(problem, found, present)
@@ -322,12 +324,15 @@ def _at_their_best(problem: Problem, present: Solution, fits: Sequence[Solution]
     another maximum of the likelihood than the best one beside it."""
     best = sorted(fits, key=lambda s: s.cost)
     least = max(_WORTH_ITS_NOISE * (present.cost - best[0].cost), BEYOND_DOUBT) if best else 0.0
-    anew = []
-    for solution in best[:_MOST_ANEW]:
-        if present.cost - solution.cost >= least:
-            solution = min(solution, settled_anew(problem, solution.point), key=lambda s: s.cost)
-        anew.append(solution)
-    return [_tried(problem, present, solution) for solution in (*anew, *best[_MOST_ANEW:])]
+    tried = []
+    for i, solution in enumerate(best):
+        anew = None
+        if i < _MOST_ANEW and present.cost - solution.cost >= least:
+            anew = settled_anew(problem, solution.point)
+            if anew.cost < solution.cost:
+                solution, anew = anew, None
+        tried.append(replace(_tried(problem, present, solution), anew=anew))
+    return tried
 
 
 def _tried(problem: Problem, present: Solution, solution: Solution) -> Tried:

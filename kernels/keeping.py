@@ -20,7 +20,7 @@ __all__ = ["KernelCache", "contents_of"]
 _OURS = "wingwatch."
 _COMPILED_BY = b"".join(
     hashlib.sha256((Path(__file__).parent / name).read_bytes()).digest()
-    for name in ("by_address.py", "decorators.py", "pieces.py")
+    for name in ("by_address.py", "decorators.py", "pieces.py", "rows.py")
 )
 """What decides how every kernel is compiled."""
 _digests: dict[int, tuple[FunctionType, bytes]] = {}

@@ -27,7 +27,7 @@ from wingwatch.estimators import (
 from wingwatch.estimators.ekf.accepted import NOISE
 from wingwatch.monitor import VehicleMonitor
 from wingwatch.telemetry import REQUIRED_CHANNELS, SampleBlock
-from wingwatch.telemetry.conditioning import turbulence_intensity
+from wingwatch.telemetry.conditioning import reconstruct_path, turbulence_intensity
 
 __all__ = ["AFTER_DEMO", "AT_FIRST_USE", "DEMO", "EVERY", "LIVE", "STEPS", "KernelStep"]
 
@@ -136,13 +136,14 @@ def _simulation() -> None:
 
 
 def _whole_flights() -> None:
-    """4 s of level flight; the kernels are the same for every structure."""
+    """4 s of level flight; the kernels are the same for every structure. The path of two seconds is reconstructed."""
     layout = SignalLayout(2, 1)
     moving = 0.01 * np.random.default_rng(1).standard_normal((200, layout.kinematic - 1))
     rows = _level_flight(layout, moving)
     parts = manoeuvres(ManoeuvreConfig(SHORT_PERIOD, _REFERENCE), rows)
     output_error(parts)
     filter_error(parts, expected=np.array([-4.0, -0.5, -2.0, -4.0, -6.0, -30.0]))
+    reconstruct_path(SampleBlock(_flight().values[: round(2.0 * _RATE_HZ)]))
 
 
 def _diagnosis() -> None:
@@ -170,7 +171,7 @@ STEPS: Mapping[str, KernelStep] = {
     ),
     "simulation": KernelStep("simulated flight", 18.0, _simulation),
     "watch": KernelStep("signals and the monitor", 34.0, _watch, after=("fourier", "filter")),
-    "whole-flights": KernelStep("estimates from whole flights", 15.0, _whole_flights),
+    "whole-flights": KernelStep("estimates from whole flights", 20.0, _whole_flights),
     "diagnosis": KernelStep("diagnosis", 26.0, _diagnosis, after=("simulation",)),
 }
 """By the name under which a process is asked for it, in the order in which they are begun."""

@@ -2,9 +2,11 @@
 
 import contextlib
 import fcntl
+import gc
 import os
+import shutil
 import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Generator, Iterator
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -16,6 +18,17 @@ from wingwatch.baselines import Database, open_database
 
 POSTGRES_URL = os.environ.get("WINGWATCH_TEST_POSTGRES_URL", "")
 _LOCKED: set[Path] = set()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """No garbage is looked for while thousands of modules and tests are made, and none in them afterwards."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @contextlib.contextmanager
@@ -52,6 +65,23 @@ def _each_kernel_is_compiled_once() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(dispatcher, "compile", compile_alone)
         yield
+
+
+@pytest.fixture(scope="session")
+def made_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callable[[Path], object]], Path]:
+    """A folder of a name, which one of the processes that test fills for all; nobody changes it afterwards."""
+    own = tmp_path_factory.getbasetemp()
+    shared = own.parent if "PYTEST_XDIST_WORKER" in os.environ else own
+
+    def of_name(name: str, fill: Callable[[Path], object]) -> Path:
+        with _alone(shared / f"{name}.lock"):
+            if not (shared / f"{name}.made").exists():
+                shutil.rmtree(shared / name, ignore_errors=True)  # what a failure has left
+                fill(shared / name)
+                (shared / f"{name}.made").touch()
+        return shared / name
+
+    return of_name
 
 
 @pytest.fixture(params=["sqlite", "postgres"])

@@ -103,70 +103,83 @@ def _process(jacobian, input_power, gust_std, gust_time_s, dt):  # type: ignore[
 
 
 @helper
-def _rate(x, inputs, gust_time_s):  # type: ignore[no-untyped-def]
-    """dx/dt of a real or complex state (states,), for readings of gyros and accelerometers (6,)."""
+def _rate(x, inputs, gust_time_s, out):  # type: ignore[no-untyped-def]
+    """dx/dt of a real or complex state (states,) into ``out``, for readings of gyros and accelerometers (6,)."""
     roll, pitch, u, v, w = x[0], x[1], x[3], x[4], x[5]
-    e = x[MOTION:]
-    p, q, r = inputs[0] - e[0], inputs[1] - e[1], inputs[2] - e[2]
-    ax, ay, az = inputs[3] - e[3], inputs[4] - e[4], inputs[5] - e[5]
+    p, q, r = inputs[0] - x[MOTION], inputs[1] - x[MOTION + 1], inputs[2] - x[MOTION + 2]
+    ax, ay, az = inputs[3] - x[MOTION + 3], inputs[4] - x[MOTION + 4], inputs[5] - x[MOTION + 5]
     sin_roll, cos_roll, sin_pitch, cos_pitch = np.sin(roll), np.cos(roll), np.sin(pitch), np.cos(pitch)
     turn = q * sin_roll + r * cos_roll
-    out = np.zeros_like(x)
     out[0] = p + turn * sin_pitch / cos_pitch
     out[1] = q * cos_roll - r * sin_roll
     out[2] = turn / cos_pitch
     out[3] = ax - q * w + r * v - GRAVITY_M_S2 * sin_pitch
     out[4] = ay - r * u + p * w + GRAVITY_M_S2 * cos_pitch * sin_roll
     out[5] = az + q * u - p * v + GRAVITY_M_S2 * cos_pitch * cos_roll
-    out[6] = u * sin_pitch - cos_pitch * (v * sin_roll + w * cos_roll) + e[12]
+    out[6] = u * sin_pitch - cos_pitch * (v * sin_roll + w * cos_roll) + x[MOTION + 12]
     for j in range(3):
         out[7 + j] = -x[7 + j] / gust_time_s[j]
-    return out
+    for j in range(MOTION, x.size):
+        out[j] = 0.0
 
 
 @helper
-def _step(x, inputs, dt, gust_time_s):  # type: ignore[no-untyped-def]
-    """The state after ``dt`` by the midpoint rule."""
-    return x + dt * _rate(x + 0.5 * dt * _rate(x, inputs, gust_time_s), inputs, gust_time_s)
+def _step(x, inputs, dt, gust_time_s, rate, out):  # type: ignore[no-untyped-def]
+    """The state after ``dt`` by the midpoint rule into ``out``; ``rate`` is work space."""
+    _rate(x, inputs, gust_time_s, rate)
+    for j in range(x.size):
+        out[j] = x[j] + 0.5 * dt * rate[j]
+    _rate(out, inputs, gust_time_s, rate)
+    for j in range(x.size):
+        out[j] = x[j] + dt * rate[j]
 
 
 @helper
-def _readings(x, speed_m_s):  # type: ignore[no-untyped-def]
-    """What ``READINGS`` say of a real or complex state."""
-    e = x[MOTION:]
+def _readings(x, speed_m_s, out):  # type: ignore[no-untyped-def]
+    """What ``READINGS`` say of a real or complex state into ``out`` (7,)."""
     u, v, w = x[3], x[4], x[5]
     ahead = np.sqrt(u * u + w * w)
     speed = np.sqrt(u * u + v * v + w * w)
-    out = np.zeros(7, dtype=x.dtype)
     out[0], out[1], out[2], out[6] = x[0], x[1], x[2], x[6]
-    out[3] = (1.0 + e[6]) * speed + e[7] + x[7]
-    out[4] = (1.0 + e[8]) * np.arctan(w / u) + e[9] + x[9] / speed_m_s
-    out[5] = (1.0 + e[10]) * np.arctan(v / ahead) + e[11] + x[8] / speed_m_s
-    return out
+    out[3] = (1.0 + x[MOTION + 6]) * speed + x[MOTION + 7] + x[7]
+    out[4] = (1.0 + x[MOTION + 8]) * np.arctan(w / u) + x[MOTION + 9] + x[9] / speed_m_s
+    out[5] = (1.0 + x[MOTION + 10]) * np.arctan(v / ahead) + x[MOTION + 11] + x[8] / speed_m_s
 
 
 @compiled()
 def _step_jacobian(x, inputs, dt, gust_time_s):  # type: ignore[no-untyped-def]
     """``_step`` and its derivative by complex steps, column by column."""
-    nudged = x.astype(np.complex128)
-    jacobian = np.empty((x.size, x.size))
-    for j in range(x.size):
-        nudged[j] = complex(x[j], _STEP)
-        jacobian[:, j] = _step(nudged, inputs, dt, gust_time_s).imag / _STEP
+    n = x.size
+    nudged, moved, rate = np.zeros(n, np.complex128), np.zeros(n, np.complex128), np.zeros(n, np.complex128)
+    jacobian, after, work = np.empty((n, n)), np.empty(n), np.empty(n)
+    for j in range(n):
         nudged[j] = complex(x[j], 0.0)
-    return _step(x, inputs, dt, gust_time_s), jacobian
+    for j in range(n):
+        nudged[j] = complex(x[j], _STEP)
+        _step(nudged, inputs, dt, gust_time_s, rate, moved)
+        for i in range(n):
+            jacobian[i, j] = moved[i].imag / _STEP
+        nudged[j] = complex(x[j], 0.0)
+    _step(x, inputs, dt, gust_time_s, work, after)
+    return after, jacobian
 
 
 @compiled()
 def _readings_jacobian(x, speed_m_s):  # type: ignore[no-untyped-def]
     """``_readings`` and its derivative by complex steps, column by column."""
-    nudged = x.astype(np.complex128)
-    jacobian = np.empty((7, x.size))
-    for j in range(x.size):
-        nudged[j] = complex(x[j], _STEP)
-        jacobian[:, j] = _readings(nudged, speed_m_s).imag / _STEP
+    n = x.size
+    nudged, said = np.zeros(n, np.complex128), np.zeros(7, np.complex128)
+    jacobian, here = np.empty((7, n)), np.empty(7)
+    for j in range(n):
         nudged[j] = complex(x[j], 0.0)
-    return _readings(x, speed_m_s), jacobian
+    for j in range(n):
+        nudged[j] = complex(x[j], _STEP)
+        _readings(nudged, speed_m_s, said)
+        for i in range(7):
+            jacobian[i, j] = said[i].imag / _STEP
+        nudged[j] = complex(x[j], 0.0)
+    _readings(x, speed_m_s, here)
+    return here, jacobian
 
 
 @compiled()
@@ -208,7 +221,37 @@ def smoothed(
             correction[i] = (smooth[k + 1, active[i]] - predicted[k + 1, active[i]]) / size[i]
             for j in range(n):
                 ahead[i, j] /= size[i] * size[j]
-        move = carried.T @ (np.linalg.solve(ahead, correction) / size)
+        _solve(ahead, correction)
         for i in range(n):
-            smooth[k, active[i]] += move[i]
+            for j in range(n):
+                smooth[k, active[i]] += carried[j, i] * correction[j] / size[j]
     return smooth
+
+
+@helper
+def _solve(matrix, right):  # type: ignore[no-untyped-def]
+    """Solution of matrix (n, n) times it = right (n,) into ``right``; the matrix is used up.
+
+    Elimination with partial pivoting (Golub and Van Loan 2013, algorithm 3.4.1). numpy's own takes numba four seconds
+    to compile.
+    """
+    n = right.size
+    for k in range(n):
+        pivot = k
+        for i in range(k + 1, n):
+            if abs(matrix[i, k]) > abs(matrix[pivot, k]):
+                pivot = i
+        if matrix[pivot, k] == 0.0:
+            raise np.linalg.LinAlgError("a covariance of the flight path is singular")
+        for j in range(n):
+            matrix[k, j], matrix[pivot, j] = matrix[pivot, j], matrix[k, j]
+        right[k], right[pivot] = right[pivot], right[k]
+        for i in range(k + 1, n):
+            part = matrix[i, k] / matrix[k, k]
+            for j in range(k, n):
+                matrix[i, j] -= part * matrix[k, j]
+            right[i] -= part * right[k]
+    for k in range(n - 1, -1, -1):
+        for j in range(k + 1, n):
+            right[k] -= matrix[k, j] * right[j]
+        right[k] /= matrix[k, k]

@@ -8,6 +8,7 @@ import sys
 import sysconfig
 import tomllib
 import zipfile
+from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 
@@ -47,8 +48,9 @@ def build(target: Path, **environment: str) -> Path:
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return build(tmp_path_factory.mktemp("wheel"))
+def wheel(made_once: Callable[[str, Callable[[Path], object]], Path]) -> Path:
+    (built,) = made_once("wheel", build).glob("*.whl")
+    return built
 
 
 def test_every_package_at_the_top_level_is_linked_relatively() -> None:
