@@ -11,7 +11,7 @@ from wingwatch.monitor import VehicleMonitor, VehicleState, WorstDerivative
 from wingwatch.monitor.detection.furthest import PendingWorst, furthest
 from wingwatch.monitor.estimation.air_watch import PendingAir
 from wingwatch.monitor.positions import Position
-from wingwatch.monitor.vehicle import vehicle_monitor
+from wingwatch.monitor.vehicle import readings
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock
 from wingwatch.telemetry.conditioning import AirQuality
 
@@ -77,7 +77,7 @@ def test_the_air_and_the_worst_derivative_are_worked_out_without_the_lock(
         return furthest(pending)
 
     monkeypatch.setattr(PendingAir, "measure", measured)
-    monkeypatch.setattr(vehicle_monitor, "furthest", found)
+    monkeypatch.setattr(readings, "furthest", found)
     view = hall.view()
     assert view.air is not None
     assert view.worst is not None
@@ -116,7 +116,7 @@ def test_a_vehicle_whose_worst_derivative_cannot_be_found_does_not_hide_that_of_
             raise ArithmeticError("no distance")
         return furthest(pending)
 
-    monkeypatch.setattr(vehicle_monitor, "furthest", fails)
+    monkeypatch.setattr(readings, "furthest", fails)
     views = {view.vehicle: view for view in hall.fleet.vehicles()}
     assert views["other"].worst is not None
     assert "ArithmeticError" in views["uav"].reason
