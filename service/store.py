@@ -46,7 +46,7 @@ from wingwatch.operations.baseline import stored_cells, stored_envelopes, stored
 from wingwatch.service.action_queue import ActionQueue
 from wingwatch.service.loops import Loop
 
-__all__ = ["DatabaseStore", "alert_record", "alert_view"]
+__all__ = ["DatabaseStore", "alert_record", "alert_view", "kept_alerts"]
 
 _LOG = logging.getLogger(__name__)
 _PAGE = 1000
@@ -327,24 +327,13 @@ class DatabaseStore:
         """Alerts of earlier runs, once; whether they have been read."""
         if self._earlier is None:
             try:
-                self._earlier = self._earlier_alerts()
+                self._earlier = kept_alerts(self._database)
             except Exception as error:
                 self._not_read(error)
                 return False
             self.read_problem = None
             self._earlier_read.set()
         return True
-
-    def _earlier_alerts(self) -> Sequence[AlertView]:
-        records: list[AlertRecord] = []
-        cursor: str | None = None
-        while len(records) < _MOST_ALERTS:
-            page = self._database.alerts(limit=_PAGE, cursor=cursor)
-            records += page.items
-            cursor = page.next
-            if cursor is None:
-                break
-        return [alert_view(record) for record in records]
 
     def _not_read(self, error: Exception) -> None:
         with self._lock:
@@ -536,6 +525,19 @@ def _of_the_entry(error: Exception) -> bool:
 
 def _sentence(error: Exception) -> str:
     return str(error) if isinstance(error, DatabaseError) else f"{type(error).__name__}: {error}"
+
+
+def kept_alerts(database: Database) -> list[AlertView]:
+    """The newest alerts of a database, newest first."""
+    records: list[AlertRecord] = []
+    cursor: str | None = None
+    while len(records) < _MOST_ALERTS:
+        page = database.alerts(limit=_PAGE, cursor=cursor)
+        records += page.items
+        cursor = page.next
+        if cursor is None:
+            break
+    return [alert_view(record) for record in records]
 
 
 def alert_record(alert: AlertView, created_at_s: float, updated_at_s: float) -> AlertRecord:

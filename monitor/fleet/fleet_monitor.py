@@ -37,6 +37,7 @@ from wingwatch.monitor.fleet.settings import FleetSettings
 from wingwatch.monitor.fleet.together import feed_together
 from wingwatch.monitor.fleet.views import FleetViews
 from wingwatch.monitor.ports import ActionRequest, Outputs, Store, VehicleMemory
+from wingwatch.monitor.positions import Place
 from wingwatch.monitor.record_views import FlightRecordView
 from wingwatch.monitor.vehicle.checkpoint import SavedVehicle, settings_of
 from wingwatch.monitor.vehicle.vehicle_monitor import Report, VehicleMonitor
@@ -469,6 +470,11 @@ class FleetMonitor:
         """Alerts in force that are one event, largest first."""
         with self._lock:
             return self._alerts.groups()
+
+    def alert_places(self) -> Mapping[str, tuple[int, Place]]:
+        """Where and when alerts of icing were raised, by id, for whoever groups those of several monitors."""
+        with self._lock:
+            return self._alerts.places()
 
     def act_on_alert(
         self,
