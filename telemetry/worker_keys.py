@@ -32,7 +32,9 @@ def check_worker(name: str) -> str:
         KeyNameError: it may not stand in a key, or it is ``alive``, where the tokens are.
     """
     if name == _ALIVE:
-        raise KeyNameError(f"worker {name!r} is no valid name: the workers' tokens stand there; use another one")
+        raise KeyNameError(
+            f"worker {name!r} is no valid name: the workers' tokens stand there; use another one"
+        )
     return check_name("worker", name)
 
 

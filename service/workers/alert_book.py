@@ -53,9 +53,9 @@ class AlertBook:
             if begun:
                 news = [one for name, one in self._alerts.items() if _differs(before.get(name), one)]
             else:
-                news = [
-                    a for k, a in enumerate(found) if k < _REPEATED or a.state is not AlertState.CLEARED
-                ][::-1]
+                news = [a for k, a in enumerate(found) if k < _REPEATED or a.state is not AlertState.CLEARED][
+                    ::-1
+                ]
         for alert in news:
             self._changed(alert)
 

@@ -39,9 +39,7 @@ class WorkerLink:
         except zenoh.ZError as error:
             raise WorkerSilentError(f"worker {worker} cannot be asked: {error}; try again") from None
         if not found:
-            raise WorkerSilentError(
-                f"worker {worker} has not answered within {patience_s:g} s; try again"
-            )
+            raise WorkerSilentError(f"worker {worker} has not answered within {patience_s:g} s; try again")
         return found[0]
 
     def send(

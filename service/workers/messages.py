@@ -4,7 +4,7 @@ Floats keep their last bit, NaN and infinity included; a sequence arrives as a l
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 import numpy as np

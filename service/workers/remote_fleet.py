@@ -136,7 +136,9 @@ class RemoteFleet:
         self.counts = {"bad_answers": 0, "unanswered": 0}
         self.read_problem: str | None = None
         self.loop = Loop("wingwatch-workers", "the loop that asks workers", self._run, self._woken.set)
-        self.reader = Loop("wingwatch-alerts", "the loop that reads alerts", self._keep_reading, self._reading.set)
+        self.reader = Loop(
+            "wingwatch-alerts", "the loop that reads alerts", self._keep_reading, self._reading.set
+        )
 
     def __enter__(self) -> Self:
         self.loop.start()
@@ -238,9 +240,7 @@ class RemoteFleet:
                 self._events.add(event.kind, event.data)
             if news.whole is not None:
                 watcher.state = news.whole.state
-                watcher.views = {
-                    (v.fleet, v.vehicle): replace(v, worker=name) for v in news.whole.vehicles
-                }
+                watcher.views = {(v.fleet, v.vehicle): replace(v, worker=name) for v in news.whole.vehicles}
                 for key in watcher.views:
                     self._orphans.pop(key, None)
             elif any(_owner(event) not in watcher.views for event in news.events):

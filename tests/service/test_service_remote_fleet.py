@@ -31,7 +31,9 @@ def flown() -> Iterator[Any]:
         gateway = Gateway(endpoint, lambda: hall.fleet.alerts())
         try:
             until(lambda: len(gateway.fleet.vehicles()) == 2 and gateway.fleet.alerts())
-            yield SimpleNamespace(hall=hall, local=hall.fleet, remote=gateway.fleet, gateway=gateway, answers=answers)
+            yield SimpleNamespace(
+                hall=hall, local=hall.fleet, remote=gateway.fleet, gateway=gateway, answers=answers
+            )
         finally:
             gateway.close()
 
@@ -61,7 +63,8 @@ def test_expectations_at_flown_conditions_are_the_same_to_the_last_bit(flown: An
     conditions = np.array([[25.0, 1000.0, 1.1116, 0.04], [30.0, 500.0, 1.16, np.nan]])
     asked = ("default", "uav", "short_period", ("aerosonde", "clean"), conditions)
     local, remote = flown.local.expected(*asked), flown.remote.expected(*asked)
-    assert local is not None and remote is not None
+    assert local is not None
+    assert remote is not None
     for ours, theirs in zip(local, remote, strict=True):
         np.testing.assert_array_equal(theirs, ours)
     assert flown.remote.expected("default", "uav", "short_period", ("twin", "clean"), conditions) is None
@@ -89,7 +92,8 @@ def test_an_event_of_the_worker_is_one_of_the_gateway(flown: Any) -> None:
 def test_a_person_acts_on_an_alert_through_its_worker(flown: Any) -> None:
     alert = next(one for one in flown.remote.alerts() if one.vehicle == "uav")
     acted = flown.remote.act_on_alert(alert.id, AlertAction.ACKNOWLEDGE, "lead", "seen", "key-1")
-    assert acted is not None and acted.state is AlertState.ACKNOWLEDGED
+    assert acted is not None
+    assert acted.state is AlertState.ACKNOWLEDGED
     assert plain(acted) == plain(next(one for one in flown.local.alerts() if one.id == alert.id))
     assert plain(flown.remote.alerts()) == plain(flown.local.alerts())
     with pytest.raises(ValueError, match="acknowledged"):
@@ -97,7 +101,9 @@ def test_a_person_acts_on_an_alert_through_its_worker(flown: Any) -> None:
     assert flown.remote.act_on_alert("nothing", AlertAction.ACKNOWLEDGE, "lead", "") is None
 
 
-@pytest.mark.parametrize("fault", [DatabaseError("the database sleeps"), KeyReusedError("this key is another's")])
+@pytest.mark.parametrize(
+    "fault", [DatabaseError("the database sleeps"), KeyReusedError("this key is another's")]
+)
 def test_a_refusal_keeps_its_kind_and_its_words(
     flown: Any, fault: Exception, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -89,7 +89,9 @@ def worker(
 ) -> Iterator[WorkerAnswers]:
     """A worker around a monitor."""
     with open_session(ZenohSettings.for_vehicle((endpoint,))) as session:
-        answers = WorkerAnswers(session, said.name, AnsweringPorts(monitor, reports or Reports(), said, **ports))
+        answers = WorkerAnswers(
+            session, said.name, AnsweringPorts(monitor, reports or Reports(), said, **ports)
+        )
         with answers:
             yield answers
 
