@@ -130,6 +130,23 @@ class CheckpointFolder:
             found.append(replace(saved, silent_s=saved.silent_s + away_s))
         return sorted(found, key=lambda saved: -saved.silent_s)
 
+    def read(self, fleet: str, vehicle: str) -> SavedVehicle | None:
+        """One vehicle's, whichever process has written it; None where there is none that can be used."""
+        path = self._path(fleet, vehicle)
+        try:
+            checkpoint = decode_checkpoint(_read(path))
+        except FileNotFoundError:
+            return None
+        except Exception as error:
+            self.count("refused", f"the checkpoint {path} is not used: {error}; its vehicle starts anew")
+            return None
+        away_s = max(0.0, self._wall_clock() - checkpoint.saved_at_s)
+        return replace(checkpoint.saved, silent_s=checkpoint.saved.silent_s + away_s)
+
+    def _path(self, fleet: str, vehicle: str) -> Path:
+        name = hashlib.sha256(f"{fleet}/{vehicle}".encode()).hexdigest()[:32]
+        return self._folder / f"{name}{_SUFFIX}"
+
     def _paths(self) -> list[Path]:
         """Files of checkpoints, written longest ago first; what is too many is removed, and what was not finished."""
         if not self._folder.is_dir():
@@ -164,7 +181,7 @@ class CheckpointFolder:
         saved = checkpoint.saved
         try:
             with self._writing:
-                self._write_file(f"{saved.fleet}/{saved.vehicle}", encode_checkpoint(checkpoint))
+                self._write_file(self._path(saved.fleet, saved.vehicle), encode_checkpoint(checkpoint))
         except Exception as error:  # a full disk, or a state that cannot be written, must not end this thread
             self.count("failed")
             problem = f"{type(error).__name__}: {error}"
@@ -175,9 +192,8 @@ class CheckpointFolder:
         self._problem = None
         self.count("written")
 
-    def _write_file(self, name: str, data: bytes) -> None:
+    def _write_file(self, path: Path, data: bytes) -> None:
         self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        path = self._folder / f"{hashlib.sha256(name.encode()).hexdigest()[:32]}{_SUFFIX}"
         unfinished = path.with_suffix(_UNFINISHED)
         with unfinished.open("wb") as file:
             file.write(data)

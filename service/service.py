@@ -57,6 +57,20 @@ class Service:
         """Of Zenoh: those listened on, or the routers connected to."""
         return self._parts.watch.link.listen or self._parts.watch.link.connect
 
+    @property
+    def waits_for(self) -> str | None:
+        """Why no samples are taken in; None once they are."""
+        return self.ingest.problem
+
+    @property
+    def starting(self) -> bool:
+        """Whether samples are, or will be taken in."""
+        return self.ingest.loop.alive
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until samples are taken in; whether they are."""
+        return self.ingest.wait(timeout_s)
+
     def readiness(self) -> Mapping[str, str | None]:
         """Per part None, or its problem in one sentence; the database is asked, for two seconds at most."""
         return self._health.readiness()
@@ -123,6 +137,7 @@ def running_service(
             problems=lambda: service.problems(), database_problem=lambda: waiting_for(watch.store),
             baselines=PatientBaselines(watch.database, wall_clock), documents=settings.documents,
             studies=None if settings.studies is None else StudyFolder(settings.studies),
+            workers=lambda: [watch.as_worker("inside", settings.capacity)],
         )  # fmt: skip
         history = PatientHistory(watch.database)
         app = create_app(watch.monitor, lambda: service.readiness(), history, __version__, asked)

@@ -6,10 +6,11 @@ A service and a worker begin the same watch; what asks it, over HTTP or over Zen
 import gc
 import logging
 import os
+import socket
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -18,8 +19,9 @@ from uuid import uuid4
 import zenoh
 from threadpoolctl import threadpool_limits
 
+from wingwatch.api import WorkerView
 from wingwatch.baselines import Database, open_database
-from wingwatch.monitor import FleetMonitor, FleetPorts, FleetSettings, Outputs
+from wingwatch.monitor import FleetFigures, FleetMonitor, FleetPorts, FleetSettings, Outputs
 from wingwatch.operations.diagnosis_change import RING_CHANNELS
 from wingwatch.operations.faults import CommandError
 from wingwatch.service.aircraft_registry import AircraftRegistry
@@ -68,6 +70,32 @@ class Watch:
     alert_diagnoses: AlertDiagnoses | None
     recorder: Recorder | None = None
 
+    def as_worker(
+        self,
+        name: str,
+        capacity: float,
+        figures: FleetFigures | None = None,
+        moves: Mapping[str, int] | None = None,
+    ) -> WorkerView:
+        """The watch as one of the workers.
+
+        Args:
+            figures: of its fleet, where they have been asked for already.
+            moves: vehicles taken over and given up.
+        """
+        figures = figures or self.monitor.figures()
+        return WorkerView(
+            name,
+            socket.gethostname(),
+            os.getpid(),
+            self.ingest.load,
+            capacity,
+            sum(figures.vehicles.values()),
+            figures.left_out,
+            max(self.subscriber.waiting_s, self.ingest.in_hand_s),
+            {"taken": 0, "given": 0} if moves is None else moves,
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class WatchPlan:
@@ -78,11 +106,17 @@ class WatchPlan:
             where this machine has not done so yet.
         wall_clock: seconds since 1970-01-01 UTC.
         announcing: what the monitor's news goes to, around Zenoh's outputs.
+        heard: called with each vehicle that is there, where others are watched elsewhere: nothing is taken of a vehicle
+            before the subscriber is told to watch it, and none goes on from its checkpoint by itself. None: every
+            vehicle is watched here.
+        owns: whether a vehicle is watched here; what others say of one that is not is no forgery.
     """
 
     preparation: Preparation | None = None
     wall_clock: Callable[[], float] = time.time
     announcing: Callable[[Outputs], Outputs] = field(default=lambda outputs: outputs)
+    heard: Callable[[str, str], None] | None = None
+    owns: Callable[[str, str], bool] | None = None
 
 
 def begin_watch(
@@ -99,13 +133,15 @@ def begin_watch(
     checkpoints = stack.enter_context(CheckpointFolder(settings.checkpoints, wall_clock))
     link = link_of(settings)
     session = stack.enter_context(open_session(link))
-    outputs = stack.enter_context(ZenohOutputs(session, lambda: connected(session, link)))
+    outputs = stack.enter_context(ZenohOutputs(session, lambda: connected(session, link), plan.owns))
     _tune_interpreter(stack)
     recorder = _recorder(stack, settings, wall_clock)
     announced = plan.announcing(outputs)
     monitor = _fleet(stack, settings, registry, store, announced, wall_clock, checkpoints, recorder)
+    if plan.heard is None:
+        _resume(monitor, checkpoints)
     outputs.answer_from(monitor)
-    arrived, subscriber = _subscribed(stack, session, outputs)
+    arrived, subscriber = _subscribed(stack, session, outputs, plan.heard)
     preparation = plan.preparation or KernelCompiler(LIVE, AT_FIRST_USE)
     record = None if recorder is None else recorder.messages
     ingest = IngestLoop(subscriber, monitor, arrived, preparation, record=record)
@@ -176,7 +212,7 @@ def _fleet(
     checkpoints: CheckpointFolder,
     recorder: Recorder | None,
 ) -> FleetMonitor:
-    """The fleet's monitor, resumed; what has changed is saved at the end."""
+    """The fleet's monitor; what has changed is saved at the end."""
     ports = FleetPorts(store, outputs, checkpoints)
     if recorder is not None:
         recorded = RecordedCheckpoints(checkpoints, recorder, wall_clock)
@@ -194,7 +230,6 @@ def _fleet(
         ),
         wall_clock,
     )
-    _resume(monitor, checkpoints)
     preparing = ThreadPoolExecutor(1, "wingwatch-expectations")
     stack.callback(preparing.shutdown, cancel_futures=True)
     monitor.prepare_with(preparing)
@@ -203,11 +238,14 @@ def _fleet(
 
 
 def _subscribed(
-    stack: ExitStack, session: zenoh.Session, outputs: ZenohOutputs
+    stack: ExitStack,
+    session: zenoh.Session,
+    outputs: ZenohOutputs,
+    heard: Callable[[str, str], None] | None,
 ) -> tuple[threading.Event, SensorSubscriber]:
     """What hears vehicles, with what is set when it has; they are asked for their aircraft through it."""
     arrived = threading.Event()
-    subscriber = stack.enter_context(SensorSubscriber(session, time.monotonic, arrived.set))
+    subscriber = stack.enter_context(SensorSubscriber(session, time.monotonic, arrived.set, heard=heard))
     outputs.ask_through(subscriber.ask_aircraft)
     return arrived, subscriber
 

@@ -1,23 +1,33 @@
 """Zenoh keys of the link between workers and gateways: a prefix of its own, apart from what vehicles may reach."""
 
+from enum import StrEnum
 from uuid import uuid4
 
 from wingwatch.telemetry.keys import KeyNameError, check_name
 
 __all__ = [
-    "EVERY_WORKER_ALIVE",
     "WORKER_ROOT",
+    "WorkerToken",
     "check_worker",
+    "every_worker",
     "new_worker_name",
-    "parse_worker_alive_key",
-    "worker_alive_key",
+    "parse_token_key",
+    "token_key",
     "worker_key",
 ]
 
 WORKER_ROOT = "wingwatch/workers/v1"
-_ALIVE = "alive"
-EVERY_WORKER_ALIVE = f"{WORKER_ROOT}/{_ALIVE}/*"
-"""Key expression of all workers' liveliness tokens."""
+
+
+class WorkerToken(StrEnum):
+    """What a worker shows of itself by liveliness tokens.
+
+    ``present``: it answers questions. ``alive``: it watches vehicles, or will; while it makes ready beside others, and
+    while it gives its vehicles up in order, it is present alone.
+    """
+
+    PRESENT = "present"
+    ALIVE = "alive"
 
 
 def new_worker_name() -> str:
@@ -29,33 +39,38 @@ def check_worker(name: str) -> str:
     """The name itself if a worker may be called so.
 
     Raises:
-        KeyNameError: it may not stand in a key, or it is ``alive``, where the tokens are.
+        KeyNameError: it may not stand in a key, or tokens stand there.
     """
-    if name == _ALIVE:
+    if name in set(WorkerToken):
         raise KeyNameError(
             f"worker {name!r} is no valid name: the workers' tokens stand there; use another one"
         )
     return check_name("worker", name)
 
 
-def worker_alive_key(worker: str) -> str:
+def token_key(token: WorkerToken, worker: str) -> str:
     """Key of a worker's liveliness token.
 
     Raises:
         KeyNameError: a name that may not stand in a key.
     """
-    return f"{WORKER_ROOT}/{_ALIVE}/{check_worker(worker)}"
+    return f"{WORKER_ROOT}/{token}/{check_worker(worker)}"
 
 
-def parse_worker_alive_key(key: str) -> str:
+def every_worker(token: WorkerToken) -> str:
+    """Key expression of a token of all workers."""
+    return f"{WORKER_ROOT}/{token}/*"
+
+
+def parse_token_key(token: WorkerToken, key: str) -> str:
     """The worker whose token stands under a key.
 
     Raises:
-        KeyNameError: a key that is not ``wingwatch/workers/v1/alive/<worker>``.
+        KeyNameError: a key that is not ``wingwatch/workers/v1/<token>/<worker>``.
     """
     root, _, worker = key[:256].rpartition("/")
-    if root != f"{WORKER_ROOT}/{_ALIVE}":
-        raise KeyNameError(f"{key[:80]!r} is no key of the form {WORKER_ROOT}/{_ALIVE}/<worker>")
+    if root != f"{WORKER_ROOT}/{token}":
+        raise KeyNameError(f"{key[:80]!r} is no key of the form {WORKER_ROOT}/{token}/<worker>")
     return check_worker(worker)
 
 

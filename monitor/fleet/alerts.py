@@ -77,6 +77,14 @@ class FleetAlerts:
             news += self.keep(missing)
         return news
 
+    def take(self, key: VehicleKey, alerts: Sequence[AlertView]) -> None:
+        """A vehicle's alerts as the database has them, newest first: those in force are its monitor's from now on."""
+        self._context.ledger.take(alerts)
+        in_force = [alert for alert in reversed(alerts) if alert.state is not AlertState.CLEARED]
+        self._earlier.pop(key, None)
+        if in_force:
+            self._earlier[key] = in_force
+
     # -- from the monitors ---------------------------------------------------------------------
 
     def keep(self, alert: AlertView) -> list[Outgoing]:

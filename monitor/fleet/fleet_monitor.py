@@ -45,6 +45,7 @@ from wingwatch.monitor.views import (
     SHELVED_S,
     AlertAction,
     AlertGroupView,
+    AlertState,
     AlertView,
     Event,
     FleetFigures,
@@ -142,6 +143,47 @@ class FleetMonitor:
             self._behind |= {key: known for key, known in self._vehicles.items() if known.held}
             self._held += sum(len(known.held) for known in self._behind.values())
 
+    def take_over(
+        self, fleet: str, vehicle: str, saved: SavedVehicle | None, alerts: Sequence[AlertView]
+    ) -> None:
+        """A vehicle is watched here from now on; to be called before its first message.
+
+        Args:
+            saved: its last checkpoint, from which it goes on; None where there is none.
+            alerts: its alerts as the database has them, newest first.
+        """
+        key = fleet, vehicle
+        with self._lock:
+            self._alerts.take(key, alerts)
+            known_here = self._vehicles.get(key) is not None
+        if saved is not None and not known_here:
+            self._saving.resume_one(saved, self._find, self._maker, self._alerts.follow_earlier, {})
+        with self._lock:
+            known = self._vehicles.get(key)
+            if known is not None and known.held:
+                self._behind[key] = known
+                self._held += len(known.held)
+        in_force = [alert for alert in alerts if alert.state is not AlertState.CLEARED]
+        self._alerts.repeat(in_force[::-1])  # whoever watched it may have ended before it said so
+
+    def knows(self, fleet: str, vehicle: str) -> bool:
+        """Whether a vehicle is watched here."""
+        return self._vehicles.get((fleet, vehicle)) is not None
+
+    @property
+    def size(self) -> int:
+        """Vehicles that are remembered."""
+        return len(self._vehicles)
+
+    def _give_up(self, key: VehicleKey) -> None:
+        """A vehicle is watched elsewhere from now on: its last state is saved, and nothing is said of it any more."""
+        known = self._vehicles.remove(key)
+        self._behind.pop(key, None)
+        if known is not None:
+            self._held -= len(known.held)
+            self._saving.give_up(key, known)
+            self._context.ledger.give_up(key)
+
     def unsaved(self) -> Iterator[SavedVehicle]:
         """States that have changed since they were saved, for whoever ends the service; one copied at a time."""
         return self._saving.unsaved()
@@ -169,6 +211,10 @@ class FleetMonitor:
                 key = message.fleet, message.vehicle
                 if message.stream == "left":
                     self._arrivals.left(key, message.received_s)
+                    continue
+                if message.stream == "given_up":
+                    ready.pop(key, None)
+                    self._give_up(key)
                     continue
                 known = self._vehicles.heard(key)
                 if known is None:

@@ -4,6 +4,7 @@ import logging
 import secrets
 import threading
 import time
+from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Protocol, Self
@@ -16,8 +17,17 @@ from wingwatch.baselines import DatabaseError
 from wingwatch.monitor import AlertState, AlertView, KeyReusedError, MonitorPort
 from wingwatch.monitor.positions import Place
 from wingwatch.service.workers import messages as forms
-from wingwatch.service.workers.messages import Act, Acted, NewsWanted, Whole, WorkerNews, WorkerState
-from wingwatch.telemetry.worker_keys import worker_alive_key, worker_key
+from wingwatch.service.workers.messages import (
+    Act,
+    Acted,
+    Announced,
+    NewsWanted,
+    Whole,
+    WorkerNews,
+    WorkerState,
+)
+from wingwatch.telemetry import InboundMessage
+from wingwatch.telemetry.worker_keys import WorkerToken, token_key, worker_key
 
 __all__ = ["AnsweringMonitor", "AnsweringPorts", "ReportsPort", "WorkerAnswers"]
 
@@ -55,6 +65,7 @@ class AnsweringPorts:
         reports: of its alerts' diagnoses.
         state: what it says of itself.
         owns: whether a vehicle, by fleet and name, is watched here.
+        announced: what vehicles have said of their aircraft, here or to others.
     """
 
     def __init__(
@@ -63,8 +74,10 @@ class AnsweringPorts:
         reports: ReportsPort,
         state: Callable[[], WorkerState],
         owns: Callable[[str, str], bool] = lambda _fleet, _vehicle: True,
+        announced: Callable[[], Sequence[InboundMessage]] = tuple,
     ) -> None:
-        self.monitor, self.reports, self.state, self.owns = monitor, reports, state, owns
+        self.monitor, self.reports, self.state = monitor, reports, state
+        self.owns, self.announced = owns, announced
 
 
 class WorkerAnswers:
@@ -107,6 +120,7 @@ class WorkerAnswers:
             "expected": self._expected,
             "diagnoses": self._diagnoses,
             "diagnosis_report": self._report,
+            "announced": self._announced,
             "act": self._act,
         }
 
@@ -114,7 +128,7 @@ class WorkerAnswers:
         heard = zenoh.handlers.Callback(self._heard, indirect=False)
         self._declared = [
             self._session.declare_queryable(worker_key(self._name, "*"), heard),
-            self._session.liveliness().declare_token(worker_alive_key(self._name)),
+            self._session.liveliness().declare_token(token_key(WorkerToken.PRESENT, self._name)),
         ]
         return self
 
@@ -212,6 +226,14 @@ class WorkerAnswers:
 
     def _report(self, payload: bytes) -> bytes:
         return self._ports.reports.report(payload[:200].decode("utf-8", "replace")) or b""
+
+    def _announced(self, _payload: bytes) -> bytes:
+        return forms.ANNOUNCED.encode(
+            tuple(
+                Announced(one.fleet, one.vehicle, b64encode(one.payload).decode("ascii"), one.encoding)
+                for one in self._ports.announced()
+            )
+        )
 
     def _act(self, payload: bytes) -> bytes:
         act = forms.ACT.decode(payload)

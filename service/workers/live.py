@@ -1,6 +1,5 @@
 """Which workers live, by their liveliness tokens."""
 
-import logging
 import threading
 from collections.abc import Callable
 from typing import Any, Self
@@ -8,29 +7,29 @@ from typing import Any, Self
 import zenoh
 
 from wingwatch.telemetry.keys import KeyNameError
-from wingwatch.telemetry.worker_keys import EVERY_WORKER_ALIVE, parse_worker_alive_key
+from wingwatch.telemetry.worker_keys import WorkerToken, every_worker, parse_token_key
 
 __all__ = ["LiveWorkers"]
 
-_LOG = logging.getLogger(__name__)
 _MOST = 256
 
 
 class LiveWorkers:
-    """Follows the tokens of all workers; use it in a ``with`` statement, inside that of its session.
+    """Follows a token of all workers; use it in a ``with`` statement, inside that of its session.
 
     A process that is killed loses its token at once, one that is frozen after its link's lease of ten seconds.
 
     Args:
         session: open.
+        token: which.
         changed: called in Zenoh's thread after a worker has come or gone; it returns at once.
 
     Attributes:
         refused: tokens beyond 256 workers, and under names that are none.
     """
 
-    def __init__(self, session: zenoh.Session, changed: Callable[[], object]) -> None:
-        self._session, self._changed = session, changed
+    def __init__(self, session: zenoh.Session, token: WorkerToken, changed: Callable[[], object]) -> None:
+        self._session, self._kind, self._changed = session, token, changed
         self._names: dict[str, None] = {}
         self._lock = threading.Lock()
         self._subscriber: Any = None
@@ -39,7 +38,7 @@ class LiveWorkers:
     def __enter__(self) -> Self:
         heard = zenoh.handlers.Callback(self._heard, indirect=False)
         self._subscriber = self._session.liveliness().declare_subscriber(
-            EVERY_WORKER_ALIVE, heard, history=True
+            every_worker(self._kind), heard, history=True
         )
         return self
 
@@ -54,7 +53,7 @@ class LiveWorkers:
 
     def _heard(self, token: Any) -> None:
         try:
-            name = parse_worker_alive_key(str(token.key_expr))
+            name = parse_token_key(self._kind, str(token.key_expr))
         except KeyNameError:
             self.refused += 1
             return

@@ -17,6 +17,7 @@ from wingwatch.monitor.record_views import FlightRecordView
 
 __all__ = [
     "ACT",
+    "ANNOUNCED",
     "ACTED",
     "DERIVATIVES",
     "DIAGNOSES",
@@ -30,6 +31,7 @@ __all__ = [
     "VEHICLE_NAME",
     "Act",
     "Acted",
+    "Announced",
     "AnswerError",
     "Expect",
     "Form",
@@ -199,6 +201,16 @@ class Acted:
     why: str = ""
 
 
+@dataclass(frozen=True, slots=True)
+class Announced:
+    """What a vehicle has said last of its aircraft: the message's bytes in base64, and their encoding."""
+
+    fleet: str
+    vehicle: str
+    payload: str
+    encoding: str
+
+
 NEWS_WANTED = Form[NewsWanted](NewsWanted)
 NEWS = Form[WorkerNews](WorkerNews)
 VEHICLE_NAME = Form[VehicleName](VehicleName)
@@ -210,4 +222,5 @@ EXPECT = Form[Expect](Expect)
 EXPECTED = Form[tuple[_Rows, _Rows] | None](tuple[_Rows, _Rows] | None)
 ACT = Form[Act](Act)
 ACTED = Form[Acted](Acted)
+ANNOUNCED = Form[tuple[Announced, ...]](tuple[Announced, ...])
 DIAGNOSES = Form[tuple[DiagnosisView, ...]](tuple[DiagnosisView, ...])

@@ -18,6 +18,7 @@ from wingwatch.service.workers.live import LiveWorkers
 from wingwatch.service.workers.messages import WorkerState
 from wingwatch.service.workers.remote_fleet import RemoteFleet
 from wingwatch.telemetry import ZenohSettings, open_session
+from wingwatch.telemetry.worker_keys import WorkerToken
 
 PATIENCE_S = 30.0
 
@@ -68,7 +69,7 @@ class Gateway:
         self.heard: list[AlertView] = []
         live: LiveWorkers
         self.fleet = RemoteFleet(WorkerLink(session), lambda: live.names, alerts, self.heard.append)
-        live = self._stack.enter_context(LiveWorkers(session, self.fleet.look_again))
+        live = self._stack.enter_context(LiveWorkers(session, WorkerToken.PRESENT, self.fleet.look_again))
         self._stack.enter_context(self.fleet)
 
     def close(self) -> None:
