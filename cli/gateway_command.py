@@ -5,7 +5,7 @@ import logging
 import os
 from collections.abc import Callable
 
-from wingwatch.cli.ending import asked_to_end
+from wingwatch.cli.ending import asked_to_end, leave_at_once
 from wingwatch.cli.serve_command import allow_open_files, write_address
 from wingwatch.operations.faults import say
 from wingwatch.service.logs import configure_logs
@@ -32,4 +32,4 @@ def run(arguments: argparse.Namespace) -> int:
         write_address(gateway, arguments.json)
         end.wait()
         tell("ending")
-    return 0
+    leave_at_once(0)

@@ -7,11 +7,11 @@ import resource
 import threading
 import time
 from collections.abc import Callable, Mapping
-from typing import Protocol
+from typing import NoReturn, Protocol
 
 from rich.console import Console
 
-from wingwatch.cli.ending import asked_to_end, leave
+from wingwatch.cli.ending import asked_to_end, leave, leave_at_once
 from wingwatch.operations.faults import say
 from wingwatch.operations.progress import write_json
 from wingwatch.service.logs import configure_logs
@@ -63,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
     tell: Callable[[str], object] = say if settings.log_format == "text" else _LOG.info
     with asked_to_end() as end, noticed_refusals(settings.zenoh.access is not None) as refusals:
         if settings.worker_count > 1:
-            return _gateway_and_workers(settings, refusals, end, arguments.json, tell)
+            _gateway_and_workers(settings, refusals, end, arguments.json, tell)
         with running_service(settings, refusals=refusals) as service:
             _until_the_end(service, end, arguments.json, tell)
         return leave(0, service.ingest.loop.alive)
@@ -75,12 +75,12 @@ def _gateway_and_workers(
     end: threading.Event,
     as_json: bool,
     tell: Callable[[str], object],
-) -> int:
+) -> NoReturn:
     from wingwatch.service.workers.gateway import running_gateway  # what a service alone does not load
 
     with running_gateway(settings, workers=settings.worker_count, refusals=refusals) as gateway:
         _until_the_end(gateway, end, as_json, tell)
-    return 0
+    leave_at_once(0)
 
 
 def _until_the_end(

@@ -5,7 +5,7 @@ import logging
 import os
 from collections.abc import Callable
 
-from wingwatch.cli.ending import asked_to_end, leave
+from wingwatch.cli.ending import asked_to_end, leave_at_once
 from wingwatch.cli.serve_command import allow_open_files, await_ready
 from wingwatch.operations.faults import say
 from wingwatch.operations.progress import write_json
@@ -24,14 +24,13 @@ def run(arguments: argparse.Namespace) -> int:
     configure_logs(settings.log_format)
     allow_open_files()
     tell: Callable[[str], object] = say if settings.log_format == "text" else _LOG.info
-    with asked_to_end() as end:
-        with running_worker(settings) as worker:
-            if arguments.json:
-                write_json({"worker": worker.name, "zenoh": list(worker.endpoints)})
-            else:
-                print(f"worker {worker.name}   Zenoh {' '.join(worker.endpoints)}", flush=True)
-            if await_ready(worker, end, tell):
-                tell("ready")
-            end.wait()
-            tell("ending")
-        return leave(0, worker.ingest.loop.alive)
+    with asked_to_end() as end, running_worker(settings) as worker:
+        if arguments.json:
+            write_json({"worker": worker.name, "zenoh": list(worker.endpoints)})
+        else:
+            print(f"worker {worker.name}   Zenoh {' '.join(worker.endpoints)}", flush=True)
+        if await_ready(worker, end, tell):
+            tell("ready")
+        end.wait()
+        tell("ending")
+    leave_at_once(0)

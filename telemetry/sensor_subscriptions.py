@@ -33,7 +33,7 @@ class SensorSubscriptions:
         self._own: dict[tuple[str, str], Any] = {}
         self._channels: tuple[Any, ...] = ()
         if every:
-            channel = zenoh.handlers.FifoChannel[zenoh.Sample](CHANNEL)
+            channel: Any = zenoh.handlers.FifoChannel(CHANNEL)
             self._channels = (session.declare_subscriber(f"{KEY_ROOT}/*/*/sensors", channel),)
 
     def wants(self, fleet: str, vehicle: str) -> bool:
@@ -44,7 +44,7 @@ class SensorSubscriptions:
         """Subscribe a vehicle's from now on."""
         if self.wants(fleet, vehicle):
             return
-        channel = zenoh.handlers.FifoChannel[zenoh.Sample](_OF_ONE)
+        channel: Any = zenoh.handlers.FifoChannel(_OF_ONE)
         subscriber = self._session.declare_subscriber(vehicle_key(fleet, vehicle, "sensors"), channel)
         with self._lock:
             self._own[fleet, vehicle] = subscriber

@@ -34,18 +34,18 @@ def main() -> int:
     take_or_say()
     threading.Thread(target=_watch_parent, args=(end,), name="wingwatch-parent", daemon=True).start()
     try:
-        with running_worker(settings) as worker:
+        with running_worker(settings):
             end.wait()
-        busy = worker.ingest.loop.alive
     except Exception as error:
         sentence = user_error(error)
         if sentence is None:
             raise
         say(f"error: a worker cannot start: {sentence}")
         return 2
-    if busy:  # kernels that are still being loaded would crash or delay the interpreter's own end
-        os._exit(0)
-    return 0
+    # All is closed. What the interpreter and its compiler take apart at their own end is memory, and takes two seconds;
+    # kernels that are still being loaded would crash it.
+    sys.stderr.flush()
+    os._exit(0)
 
 
 def _watch_parent(end: threading.Event) -> None:

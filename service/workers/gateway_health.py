@@ -53,8 +53,14 @@ class GatewayHealth:
         self._processor = ProcessorTimes()
 
     def readiness(self) -> Mapping[str, str | None]:
-        """Per part None, or its problem in one sentence. It takes up to two seconds where the database is frozen."""
-        return {**self._own(self._parts.probe.problem()), "estimators": self.waits_for()}
+        """Per part None, or its problem in one sentence. It takes up to two seconds where the database is frozen.
+
+        A gateway is ready while any of its workers is: one that has ended is shown, and no reason to take it out of
+        use.
+        """
+        waiting = self.waits_for()
+        nobody = waiting if waiting in (_NOBODY, _UNHEARD) else None
+        return {**self._own(self._parts.probe.problem()), "workers": nobody, "estimators": waiting}
 
     def problems(self) -> Mapping[str, str | None]:
         """The same without asking the database, with the notifications' and what each worker says of itself."""

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 from wingwatch.api import (
     DelayView,
-    DiagnosisUpload,
     DiagnosisView,
     KernelsView,
     QueueView,
     ServiceFigures,
     WorkerView,
 )
+from wingwatch.api.ports import DiagnosisUpload
 from wingwatch.service.diagnosis_jobs import DiagnosisJobs
 from wingwatch.service.workers.messages import WorkerState
 from wingwatch.service.workers.remote_fleet import RemoteFleet

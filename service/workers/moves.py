@@ -86,7 +86,7 @@ class VehicleMoves:
         self._heard: dict[tuple[str, str], None] = {}
         self._own: set[tuple[str, str]] = set()
         self._lock = threading.Lock()
-        self._counts = {"taken": 0, "given": 0}
+        self._counts = {"taken": 0, "given": 0, "failed": 0}
         self._changed, self._ending = threading.Event(), threading.Event()
         self.loop = Loop("wingwatch-moves", "the loop that takes vehicles over", self._run, self._changed.set)
 
@@ -106,7 +106,8 @@ class VehicleMoves:
 
     @property
     def counts(self) -> Mapping[str, int]:
-        """Vehicles ``taken`` over, those included that nobody had watched before, and ``given`` up."""
+        """Vehicles ``taken`` over, those included that nobody had watched before, and ``given`` up; ``failed``: times
+        that one could not be taken over."""
         with self._lock:
             return dict(self._counts)
 
@@ -147,9 +148,14 @@ class VehicleMoves:
             self._own.discard(key)
             ports.subscriber.leave(*key)
             self._count("given")
-        fresh = sorted(owned - self._own)
+        fresh = [key for key in everyone if key in owned and key not in self._own]
         for key in fresh[:_AT_ONCE]:
-            self._take(ports, *key)
+            try:
+                self._take(ports, *key)
+            except Exception:  # one vehicle's fault must not keep the others from being watched
+                self._heard[key] = self._heard.pop(key)
+                self._count("failed")
+                _LOG.exception("%s/%s cannot be taken over; it is tried again", *key)
         return len(fresh) > _AT_ONCE
 
     def _take(self, ports: MovesPorts, fleet: str, vehicle: str) -> None:
@@ -157,8 +163,8 @@ class VehicleMoves:
         if alerts is None:
             return
         ports.monitor.take_over(fleet, vehicle, ports.checkpoint(fleet, vehicle), alerts)
-        self._own.add((fleet, vehicle))
         ports.subscriber.watch(fleet, vehicle)
+        self._own.add((fleet, vehicle))
         self._count("taken")
 
     def _alerts(self, ports: MovesPorts, fleet: str, vehicle: str) -> Sequence[AlertView] | None:
