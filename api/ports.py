@@ -261,7 +261,7 @@ class WorkerView:
     Attributes:
         host, pid: where it runs.
         load: part of the last ten seconds in which it took messages in; at 1 it can take no more.
-        capacity: what it can take beside others, as it was told.
+        capacity: what it takes beside others, as it was set.
         vehicles: that it watches; left_out: those of them that it leaves out, because it is overloaded.
         behind_s: how long the oldest message has waited.
         moves: vehicles ``taken`` over and ``given`` up since it started.

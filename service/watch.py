@@ -107,7 +107,7 @@ class WatchPlan:
         wall_clock: seconds since 1970-01-01 UTC.
         announcing: what the monitor's news goes to, around Zenoh's outputs.
         heard: called with each vehicle that is there, where others are watched elsewhere: nothing is taken of a vehicle
-            before the subscriber is told to watch it, and none goes on from its checkpoint by itself. None: every
+            before the subscriber is to watch it, and none goes on from its checkpoint by itself. None: every
             vehicle is watched here.
         owns: whether a vehicle is watched here; what others say of one that is not is no forgery.
     """

@@ -254,6 +254,11 @@ def add_access(commands: Commands) -> None:
         metavar="NAME",
         help="who may subscribe and ask, and writes nothing; may be repeated",
     )
+    for who, what in (
+        ("worker", "who watches vehicles beside others, under this name or NAME-ANYTHING"),
+        ("gateway", "who asks workers, and writes nothing"),
+    ):
+        add(f"--{who}", action="append", default=[], metavar="NAME", help=f"{what}; may be repeated")
     add("--service", default="service", metavar="NAME", help="who the service is (default: %(default)s)")
     add(
         "--by",

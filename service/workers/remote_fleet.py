@@ -491,7 +491,7 @@ def _owner(event: Event) -> Key:
 
 
 def _unwatched(view: VehicleView, why: str, since_s: float) -> VehicleView:
-    """A vehicle of which nothing is heard: an alert stands through that, and it does not pass for health."""
+    """A vehicle whose samples nobody takes in: an alert outlasts that, and the vehicle does not pass for health."""
     age_s = None if view.sample_age_s is None else view.sample_age_s + since_s
     if view.state is VehicleState.DEGRADED:
         return replace(view, reason=f"{view.reason.rstrip('.')}. Meanwhile {why}", sample_age_s=age_s)
