@@ -253,13 +253,15 @@ def send(
         moments.poll(PATIENCE_S)
 
 
-def ask(url: str, vehicles: int, ended: Callable[[], bool]) -> tuple[list[float], list[float]]:
+def ask(url: str, vehicles: int, ended: Callable[[], bool]) -> tuple[list[float], list[float], int]:
     """Ask for one vehicle's derivatives by turns, and now and then for the fleet, until the end.
 
     Returns:
-        seconds from each question's moment to its answer, of one vehicle and of the fleet.
+        seconds from each question's moment to its answer, of one vehicle and of the fleet, and how many were answered
+        that the vehicle's worker does not answer.
     """
     one_s: list[float] = []
+    unanswered = 0
     fleet_s: list[float] = []
     rng = np.random.default_rng(0)
     with httpx.Client(timeout=PATIENCE_S, base_url=url) as client:
@@ -272,10 +274,13 @@ def ask(url: str, vehicles: int, ended: Callable[[], bool]) -> tuple[list[float]
                 fleet_s.append(time.monotonic() - begin_s)
                 fleet_due_s = begin_s + FLEET_EVERY_S
             begin_s = time.monotonic()
-            client.get(f"/v1/vehicles/v{rng.integers(vehicles)}/derivatives").raise_for_status()
+            answer = client.get(f"/v1/vehicles/v{rng.integers(vehicles)}/derivatives")
+            unanswered += answer.status_code == httpx.codes.SERVICE_UNAVAILABLE
+            if answer.status_code != httpx.codes.SERVICE_UNAVAILABLE:
+                answer.raise_for_status()
             one_s.append(time.monotonic() - begin_s)
             due_s = begin_s + ASK_EVERY_S
-    return one_s, fleet_s
+    return one_s, fleet_s, unanswered
 
 
 def behind(url: str, last_s: Sequence[float]) -> list[float]:
@@ -317,7 +322,7 @@ def course(
         _received(sender, COMPILE_S)
         before = _usage(service)
         sender.send(time.monotonic() + 0.5 + vehicles * EACH_S)
-        answers_s, fleet_s = ask(url, vehicles, sender.poll)
+        answers_s, fleet_s, unanswered = ask(url, vehicles, sender.poll)
         sent, late_s = _received(sender, PATIENCE_S)
         messages = round(seconds * RATE_HZ) // samples
         late = behind(
@@ -332,7 +337,8 @@ def course(
         vehicles, sent, sent + announced - after.received, late, answers_s, fleet_s, late_s,
         _each_us(before.stages_s, after.stages_s, taken), _each_us(before.threads_s, after.threads_s, taken),
         1e6 * (after.processor_s - before.processor_s) / taken,
-        after.peak_bytes, (after.resident_bytes - before.resident_bytes) / vehicles, after.problems,
+        after.peak_bytes, (after.resident_bytes - before.resident_bytes) / vehicles,
+        after.problems | ({"REST: unanswered": unanswered} if unanswered else {}),
     )  # fmt: skip
 
 

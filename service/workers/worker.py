@@ -27,7 +27,7 @@ from wingwatch.service.workers.live import LiveWorkers
 from wingwatch.service.workers.messages import AnswerError, WorkerState
 from wingwatch.service.workers.moves import MovesPorts, VehicleMoves
 from wingwatch.service.workers.ownership import ByOrder
-from wingwatch.telemetry import InboundMessage, ServiceStream
+from wingwatch.telemetry import PROTOBUF, InboundMessage, ServiceStream, encode_aircraft
 from wingwatch.telemetry.worker_keys import WorkerToken, check_worker, new_worker_name, token_key
 
 __all__ = ["Worker", "running_worker"]
@@ -131,11 +131,21 @@ def running_worker(
             watch.monitor, watch.diagnoses, worker.state, moves.owns, watch.subscriber.announcements
         )
         stack.enter_context(WorkerAnswers(watch.session, name, ports, wall_clock))
+        watch.subscriber.take_announcements(_announced_before(watch))
         stack.callback(watch.ingest.stop)
         watch.ingest.start()
         begun.set()
         stack.enter_context(_Joining(name, watch, live, moves))
         yield worker
+
+
+def _announced_before(watch: Watch) -> list[InboundMessage]:
+    """What vehicles have said of their aircraft whose checkpoints are in the folder: some say it once."""
+    now_s = time.monotonic()
+    return [
+        InboundMessage(one.fleet, one.vehicle, "aircraft", encode_aircraft(one.message), PROTOBUF, now_s)
+        for one in watch.checkpoints.load()
+    ]
 
 
 def _alerts_of(database: Database, fleet: str, vehicle: str) -> Sequence[AlertView]:
