@@ -466,6 +466,10 @@ class FleetMonitor:
         """All known vehicles, worst state first; samples are taken in between some and the next."""
         return self._views.all()
 
+    def brief(self) -> Sequence[VehicleView]:
+        """All known vehicles in any order, without what is worked out for a view; cheap enough for every second."""
+        return self._views.brief()
+
     def vehicle(self, fleet: str, vehicle: str) -> VehicleView | None:
         """One vehicle; None for an unknown one."""
         with self._lock:

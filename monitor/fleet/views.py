@@ -52,6 +52,30 @@ class FleetViews:
             views += self._together(everyone[start : start + _SHOWN_AT_ONCE])
         return worst_first(views)
 
+    def brief(self) -> list[VehicleView]:
+        """All known vehicles without what is worked out for a view: state, reason, alerts, counts, age of samples."""
+        with self._context.lock:
+            everyone = list(self._context.vehicles.items())
+        views: list[VehicleView] = []
+        for start in range(0, len(everyone), _COUNTED_AT_ONCE):
+            with self._context.lock:
+                views += [self._brief(*one) for one in everyone[start : start + _COUNTED_AT_ONCE]]
+        return views
+
+    def _brief(self, key: VehicleKey, known: KnownVehicle) -> VehicleView:
+        context = self._context
+        now_s = context.clock()
+        state, reason = known.standing(now_s, context.settings.stale_s)
+        monitor = known.monitor
+        view = known.bare_view(*key, state, reason or ("" if monitor is None else monitor.reason))
+        ids = () if monitor is None else [alert.id for alert in monitor.active_alerts]
+        return replace(
+            view,
+            active_alerts=tuple(name for name in ids if name in context.ledger.ids),
+            last_sample_time_s=None if monitor is None else monitor.last_sample_time_s,
+            sample_age_s=None if known.received_s is None else max(now_s - known.received_s, 0.0),
+        )
+
     def one(self, key: VehicleKey, known: KnownVehicle) -> VehicleView:
         """One vehicle, with what its flight could have shown: most of the work of a view, and of its bytes."""
         return self._together([(key, known)], whole=True)[0]

@@ -14,7 +14,7 @@ import zenoh
 
 from wingwatch.api import DiagnosisView
 from wingwatch.baselines import DatabaseError
-from wingwatch.monitor import AlertState, AlertView, KeyReusedError, MonitorPort
+from wingwatch.monitor import AlertState, AlertView, KeyReusedError, MonitorPort, VehicleView
 from wingwatch.monitor.positions import Place
 from wingwatch.service.workers import messages as forms
 from wingwatch.service.workers.messages import (
@@ -39,6 +39,10 @@ _READERS, _ACTORS = 2, 4
 
 class AnsweringMonitor(MonitorPort, Protocol):
     """What is asked of a worker's monitor beside what doors ask."""
+
+    def brief(self) -> Sequence[VehicleView]:
+        """All vehicles in brief."""
+        ...
 
     def alert_places(self) -> Mapping[str, tuple[int, Place]]:
         """Where and when alerts of icing were raised, by id."""
@@ -81,10 +85,10 @@ class AnsweringPorts:
 
 
 class WorkerAnswers:
-    """Answers gateways' questions and shows that the worker lives; use it in a ``with`` statement.
+    """Answers gateways, and shows that the worker lives; use it in a ``with`` statement.
 
     Actions have threads of their own: they wait for the database, and a worker whose database does not answer is still
-    to be heard.
+    to answer.
 
     Args:
         session: open.
@@ -113,6 +117,7 @@ class WorkerAnswers:
         self.dropped = 0
         self._answers: Mapping[str, Callable[[bytes], bytes]] = {
             "news": self._news,
+            "views": self._views,
             "vehicle": self._vehicle,
             "derivatives": self._derivatives,
             "manoeuvres": self._manoeuvres,
@@ -184,13 +189,16 @@ class WorkerAnswers:
             alerts = [alert for alert in monitor.alerts() if alert.id in named]
         whole = None
         if wanted.whole:
-            whole = Whole(self._ports.state(), tuple(monitor.vehicles()), monitor.alert_places())
+            whole = Whole(self._ports.state(), tuple(monitor.brief()), monitor.alert_places())
         return forms.NEWS.encode(
             WorkerNews(self._start, newest, complete_after, tuple(events), tuple(alerts), whole)
         )
 
     def _in_force_here(self, alert: AlertView) -> bool:
         return alert.state is not AlertState.CLEARED and self._ports.owns(alert.fleet, alert.vehicle)
+
+    def _views(self, _payload: bytes) -> bytes:
+        return forms.VIEWS.encode(tuple(self._ports.monitor.vehicles()))
 
     def _vehicle(self, payload: bytes) -> bytes:
         asked = forms.VEHICLE_NAME.decode(payload)

@@ -29,6 +29,7 @@ __all__ = [
     "RECORD",
     "VEHICLE",
     "VEHICLE_NAME",
+    "VIEWS",
     "Act",
     "Acted",
     "Announced",
@@ -106,7 +107,7 @@ class NewsWanted:
 
     Attributes:
         after: number of the last event that is known; None where none is, and then none is given.
-        whole: whether all vehicles' views and the worker's state are wanted as well.
+        whole: whether its vehicles in brief and the worker's state are wanted as well.
     """
 
     after: int | None
@@ -135,9 +136,10 @@ class WorkerState:
 
 @dataclass(frozen=True, slots=True)
 class Whole:
-    """All that a worker knows.
+    """What a worker watches, and how it is.
 
     Attributes:
+        vehicles: in brief, as ``FleetMonitor.brief`` has them.
         places: where and when alerts of icing were raised, by id, with how often each has come back.
     """
 
@@ -214,6 +216,7 @@ class Announced:
 NEWS_WANTED = Form[NewsWanted](NewsWanted)
 NEWS = Form[WorkerNews](WorkerNews)
 VEHICLE_NAME = Form[VehicleName](VehicleName)
+VIEWS = Form[tuple[VehicleView, ...]](tuple[VehicleView, ...])
 VEHICLE = Form[VehicleView | None](VehicleView | None)
 DERIVATIVES = Form[dict[str, Any] | None](dict[str, Any] | None)
 MANOEUVRES = Form[tuple[ManoeuvreView, ...] | None](tuple[ManoeuvreView, ...] | None)

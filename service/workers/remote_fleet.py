@@ -1,8 +1,8 @@
 """The fleet as a gateway sees it: vehicles that workers watch, asked for over Zenoh (``MonitorPort``).
 
-A thread asks each worker for its events five times a second, and for all its vehicles twice a second; lists are
-answered from that. What is asked of one vehicle goes to its worker. A worker that has not answered is asked by nobody
-else: its vehicles are shown as they were, ``unknown``, with the reason, and no question waits for it.
+A thread asks each worker for its events five times a second, and once a second for its vehicles in brief. Views are
+made when somebody asks: of all vehicles by all workers at once, of one by its worker. A worker that has not answered is
+not asked: its vehicles are shown as they were, ``unknown``, with the reason, and no question waits for it.
 """
 
 import threading
@@ -11,6 +11,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from queue import Empty, SimpleQueue
 from typing import Any, Self, TypeVar
 from uuid import uuid4
 
@@ -76,6 +77,7 @@ class RemoteFleet:
         self._link, self._live, self._first = link, live, first
         self._book = AlertBook(read_alerts, heard)
         self._watchers = Watchers(clock)
+        self._refreshing = threading.Lock()
         self._answers: deque[tuple[str, bytes | None]] = deque()
         self._woken, self._ending = threading.Event(), threading.Event()
         self._reading = threading.Event()
@@ -188,8 +190,31 @@ class RemoteFleet:
     # -- what may be asked (MonitorPort) -------------------------------------------------------------
 
     def vehicles(self) -> Sequence[VehicleView]:
-        """All known vehicles, worst state first, as they were within the last second."""
+        """All known vehicles, worst state first, as they were within the last half second.
+
+        Those of a worker that does not answer in time are as they were.
+        """
+        with self._refreshing:
+            self._refresh()
         return self._watchers.vehicles()
+
+    def _refresh(self) -> None:
+        """Have all workers that answer show their vehicles, at the same time, where they have not just done so."""
+        answers: SimpleQueue[tuple[str, bytes | None]] = SimpleQueue()
+        asked = self._watchers.to_view()
+        for name in asked:
+            self._link.send(name, "views", b"", partial(_put, answers, name))
+        until_s = time.monotonic() + PATIENCE_S
+        for _ in asked:
+            try:
+                name, answer = answers.get(timeout=max(0.0, until_s - time.monotonic()))
+            except Empty:
+                return
+            if answer is not None:
+                try:
+                    self._watchers.take_views(name, forms.VIEWS.decode(answer))
+                except AnswerError:
+                    self.counts["bad_answers"] += 1
 
     def vehicle(self, fleet: str, vehicle: str) -> VehicleView | None:
         """One vehicle; as it was known last where its worker does not answer."""
@@ -285,9 +310,8 @@ class RemoteFleet:
 
     def figures(self) -> FleetFigures:
         """All workers' fleets in numbers, those that have ended included where numbers do not fall."""
-        states = Counter(view.state for view in self.vehicles())
         alerts = Counter((alert.state, alert.level) for alert in self.alerts())
-        return replace(self._watchers.figures(), vehicles=states, alerts=alerts)
+        return replace(self._watchers.figures(), alerts=alerts)
 
     # -- what else a gateway asks ---------------------------------------------------------------------
 
@@ -318,3 +342,7 @@ class RemoteFleet:
             except WorkerSilentError:
                 continue
         return None
+
+
+def _put(answers: SimpleQueue[tuple[str, bytes | None]], name: str, answer: bytes | None) -> None:
+    answers.put((name, answer))

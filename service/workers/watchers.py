@@ -22,7 +22,7 @@ Key = tuple[str, str]
 
 SILENT_S = PATIENCE_S
 """Without an answer for so long, a worker counts as silent."""
-_WHOLE_S = 0.5
+_WHOLE_S, _FRESH_S = 1.0, 0.5
 _ORPHANED_S = 600.0
 _MOST_EVENTS = 10_000
 _NEVER = float("-inf")
@@ -36,7 +36,7 @@ class _Watcher:
         answered_s: when it answered last, or was first seen; asked: whether a question is out; whole_s: when all was
             asked for last.
         start, newest: of its events; None before its first answer.
-        views: its vehicles.
+        views: its vehicles; viewed_s: when it has shown all of them last.
     """
 
     answered_s: float
@@ -46,6 +46,7 @@ class _Watcher:
     newest: int | None = None
     state: WorkerState | None = None
     views: dict[Key, VehicleView] = field(default_factory=dict)
+    viewed_s: float = _NEVER
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,11 +148,27 @@ class Watchers:
                 self._events.add(event.kind, event.data)
             if news.whole is not None:
                 watcher.state = news.whole.state
-                watcher.views = {(v.fleet, v.vehicle): replace(v, worker=name) for v in news.whole.vehicles}
-                for key in watcher.views:
-                    self._orphans.pop(key, None)
+                before = watcher.views
+                watcher.views = {
+                    (v.fleet, v.vehicle): _brought_up(before.get((v.fleet, v.vehicle)), v, name)
+                    for v in news.whole.vehicles
+                }
+                self._adopted(watcher)
             elif any(_owner(event) not in watcher.views for event in news.events):
                 watcher.whole_s = _NEVER  # of a vehicle that is not shown yet
+
+    def take_views(self, name: str, views: Sequence[VehicleView]) -> None:
+        """A worker has shown all its vehicles."""
+        with self._lock:
+            watcher = self._workers.get(name)
+            if watcher is not None:
+                watcher.views = {(v.fleet, v.vehicle): replace(v, worker=name) for v in views}
+                watcher.viewed_s = self._clock()
+                self._adopted(watcher)
+
+    def _adopted(self, watcher: _Watcher) -> None:
+        for key in watcher.views:
+            self._orphans.pop(key, None)
 
     # -- what is known of vehicles ---------------------------------------------------------------------
 
@@ -203,6 +220,16 @@ class Watchers:
         with self._lock:
             return [n for n, w in self._workers.items() if w.state is not None and not self._silent_s(w)]
 
+    def to_view(self) -> list[str]:
+        """Names of those that answer and have not shown their vehicles within half a second."""
+        now_s = self._clock()
+        with self._lock:
+            return [
+                name
+                for name, watcher in self._workers.items()
+                if watcher.state and not self._silent_s(watcher) and now_s - watcher.viewed_s > _FRESH_S
+            ]
+
     def states(self) -> Mapping[str, tuple[WorkerState | None, float]]:
         """By worker what it says of itself, None before its first answer, and for how long it has been silent."""
         with self._lock:
@@ -214,15 +241,21 @@ class Watchers:
             return {part: dict(counts) for part, counts in self._gone.items()}
 
     def figures(self) -> FleetFigures:
-        """All workers' fleets in numbers without states and alerts, those that have ended included."""
+        """All workers' fleets in numbers without alerts, those that have ended included."""
         with self._lock:
             found = [w.state.figures for w in self._workers.values() if w.state is not None]
+            states = Counter(
+                _with_silence(view, name, self._silent_s(w)).state
+                for name, w in self._workers.items()
+                for view in w.views.values()
+            )
+            states.update(self._orphaned(orphan).state for orphan in self._orphans.values())
             counts, solutions = Counter(self._gone_counts), self._gone_solutions
         for one in found:
             counts.update(one.counts)
         solutions += sum(one.solutions for one in found)
         waiting, left_out = sum(one.waiting for one in found), sum(one.left_out for one in found)
-        return FleetFigures({}, {}, counts, solutions, waiting, left_out)
+        return FleetFigures(states, {}, counts, solutions, waiting, left_out)
 
     # -- events -----------------------------------------------------------------------------------------
 
@@ -239,6 +272,21 @@ class Watchers:
 
 def _owner(event: Event) -> Key:
     return str(event.data.get("fleet")), str(event.data.get("vehicle"))
+
+
+def _brought_up(view: VehicleView | None, brief: VehicleView, worker: str) -> VehicleView:
+    """A view as it was shown last, with what is known in brief since."""
+    if view is None or view.aircraft != brief.aircraft:
+        return replace(brief, worker=worker)
+    return replace(
+        view,
+        state=brief.state,
+        reason=brief.reason,
+        last_sample_time_s=brief.last_sample_time_s,
+        counts=brief.counts,
+        active_alerts=brief.active_alerts,
+        sample_age_s=brief.sample_age_s,
+    )
 
 
 def _with_silence(view: VehicleView, worker: str, silent_s: float) -> VehicleView:

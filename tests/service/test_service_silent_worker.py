@@ -30,6 +30,9 @@ class Monitor(FakeMonitor):
         self.free.wait(30.0)
         return super().vehicles()
 
+    def brief(self) -> Sequence[VehicleView]:
+        return self.vehicles()
+
     def vehicle(self, fleet: str, vehicle: str) -> VehicleView | None:
         self.free.wait(30.0)
         return super().vehicle(fleet, vehicle)
