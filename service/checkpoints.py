@@ -50,7 +50,7 @@ class CheckpointFolder:
         self._files: dict[str, None] = {}  # written longest ago first
         self._counts = dict.fromkeys(("written", "failed", "refused", "expired", "resumed"), 0)
         self._lock, self._writing = threading.Lock(), threading.Lock()
-        self._news, self._end = threading.Event(), False
+        self._news, self._end, self._in_hand = threading.Event(), False, False
         self._problem: str | None = None
         self.loop = Loop(
             "wingwatch-checkpoints", "the loop that saves vehicles' states", self._run, self._news.set
@@ -70,6 +70,12 @@ class CheckpointFolder:
     def waiting(self) -> int:
         """States that wait to be written."""
         return len(self._waiting)
+
+    @property
+    def idle(self) -> bool:
+        """Whether every state that was handed over is written, or given up."""
+        with self._lock:
+            return not self._waiting and not self._in_hand
 
     @property
     def problem(self) -> str | None:
@@ -171,10 +177,12 @@ class CheckpointFolder:
     def _next(self) -> Checkpoint | None:
         """What is to be written next, taken out of what waits."""
         with self._lock:
+            self._in_hand = False
             key = next(iter(self._urgent), None) or next(iter(self._waiting), None)
             if key is None:
                 return None
             self._urgent.pop(key, None)
+            self._in_hand = True
             return self._waiting.pop(key, None)
 
     def _written(self, checkpoint: Checkpoint) -> None:

@@ -6,6 +6,7 @@ channel for all. A callback for all would cost as little, and stop whoever compu
 """
 
 import threading
+from collections.abc import Callable
 from typing import Any
 
 import zenoh
@@ -40,12 +41,17 @@ class SensorSubscriptions:
         """Whether a vehicle's are subscribed."""
         return self._every or (fleet, vehicle) in self._own
 
-    def watch(self, fleet: str, vehicle: str) -> None:
-        """Subscribe a vehicle's from now on."""
+    def watch(self, fleet: str, vehicle: str, subscribed: Callable[[], object] = lambda: None) -> None:
+        """Subscribe a vehicle's from now on.
+
+        Args:
+            subscribed: called once they are, and before any is given.
+        """
         if self.wants(fleet, vehicle):
             return
         channel: Any = zenoh.handlers.FifoChannel(_OF_ONE)
         subscriber = self._session.declare_subscriber(vehicle_key(fleet, vehicle, "sensors"), channel)
+        subscribed()
         with self._lock:
             self._own[fleet, vehicle] = subscriber
             self._channels = tuple(self._own.values())

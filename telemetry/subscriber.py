@@ -8,6 +8,7 @@ Aircraft messages go before the samples that were taken over with them, for thes
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from threading import Event, Lock, Thread
 from types import TracebackType
 from typing import Any, Self
@@ -154,13 +155,14 @@ class SensorSubscriber:
 
     def watch(self, fleet: str, vehicle: str) -> None:
         """Take a vehicle's messages from now on, beginning with what it has said of its aircraft."""
-        if self._sensors.wants(fleet, vehicle):
-            return
+        self._sensors.watch(fleet, vehicle, partial(self._begin, fleet, vehicle))
+
+    def _begin(self, fleet: str, vehicle: str) -> None:
+        """Queue what a vehicle has said of its aircraft before its first sample; ask where it has said nothing."""
         with self._lock:
             announced = self._announced.get((fleet, vehicle))
             if announced is not None and self._waiting.add(replace(announced, received_s=self._clock())):
                 self._counts["received"] += 1
-        self._sensors.watch(fleet, vehicle)
         if announced is None:
             self.ask_aircraft(fleet, vehicle)
         elif self._on_arrival is not None:

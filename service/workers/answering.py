@@ -35,6 +35,8 @@ _LOG = logging.getLogger(__name__)
 _MOST_WAITING = 256
 _MOST_ACTIONS = 16
 _READERS, _ACTORS = 2, 4
+_SLOW = ("act", "release")
+"""Questions that wait for the database or for a disk."""
 
 
 class AnsweringMonitor(MonitorPort, Protocol):
@@ -70,6 +72,7 @@ class AnsweringPorts:
         state: what it says of itself.
         owns: whether a vehicle, by fleet and name, is watched here.
         announced: what vehicles have said of their aircraft, here or to others.
+        release: gives vehicles up, and returns once their states are written.
     """
 
     def __init__(
@@ -79,16 +82,17 @@ class AnsweringPorts:
         state: Callable[[], WorkerState],
         owns: Callable[[str, str], bool] = lambda _fleet, _vehicle: True,
         announced: Callable[[], Sequence[InboundMessage]] = tuple,
+        release: Callable[[Sequence[tuple[str, str]]], None] = lambda _: None,
     ) -> None:
         self.monitor, self.reports, self.state = monitor, reports, state
-        self.owns, self.announced = owns, announced
+        self.owns, self.announced, self.release = owns, announced, release
 
 
 class WorkerAnswers:
     """Answers gateways, and shows that the worker lives; use it in a ``with`` statement.
 
-    Actions have threads of their own: they wait for the database, and a worker whose database does not answer is still
-    to answer.
+    What waits for the database or a disk has threads of its own: a worker whose database does not answer is still to
+    answer.
 
     Args:
         session: open.
@@ -127,6 +131,7 @@ class WorkerAnswers:
             "diagnosis_report": self._report,
             "announced": self._announced,
             "act": self._act,
+            "release": self._release,
         }
 
     def __enter__(self) -> Self:
@@ -146,7 +151,7 @@ class WorkerAnswers:
     def _heard(self, query: Any) -> None:
         """In Zenoh's thread: have the question answered in another one."""
         question = str(query.key_expr).rpartition("/")[2]
-        kind = "act" if question == "act" else "ask"
+        kind = "act" if question in _SLOW else "ask"
         with self._lock:
             full = self._waiting[kind] >= (_MOST_ACTIONS if kind == "act" else _MOST_WAITING)
             self.dropped += full
@@ -242,6 +247,10 @@ class WorkerAnswers:
                 for one in self._ports.announced()
             )
         )
+
+    def _release(self, payload: bytes) -> bytes:
+        self._ports.release(forms.VEHICLE_NAMES.decode(payload))
+        return b""
 
     def _act(self, payload: bytes) -> bytes:
         act = forms.ACT.decode(payload)

@@ -29,6 +29,7 @@ __all__ = [
     "RECORD",
     "VEHICLE",
     "VEHICLE_NAME",
+    "VEHICLE_NAMES",
     "VIEWS",
     "Act",
     "Acted",
@@ -216,6 +217,7 @@ class Announced:
 NEWS_WANTED = Form[NewsWanted](NewsWanted)
 NEWS = Form[WorkerNews](WorkerNews)
 VEHICLE_NAME = Form[VehicleName](VehicleName)
+VEHICLE_NAMES = Form[tuple[tuple[str, str], ...]](tuple[tuple[str, str], ...])
 VIEWS = Form[tuple[VehicleView, ...]](tuple[VehicleView, ...])
 VEHICLE = Form[VehicleView | None](VehicleView | None)
 DERIVATIVES = Form[dict[str, Any] | None](dict[str, Any] | None)

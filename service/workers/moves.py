@@ -17,11 +17,15 @@ from wingwatch.service.workers.ownership import Ownership
 
 __all__ = ["MovesPorts", "VehicleMoves"]
 
+Key = tuple[str, str]
+"""Fleet and name of a vehicle."""
+
 _LOG = logging.getLogger(__name__)
 _LOOK_S = 1.0
 _JOIN_S = 1.0
 _PATIENCE_S = 5.0
 _MOST_HEARD = 20_000
+_RELEASED_S = 2.0
 _AT_ONCE = 10
 """Vehicles taken over between two looks at who watches which."""
 
@@ -33,6 +37,10 @@ class MovingMonitor(Protocol):
         self, fleet: str, vehicle: str, saved: SavedVehicle | None, alerts: Sequence[AlertView]
     ) -> None:
         """A vehicle is watched here from now on."""
+        ...
+
+    def knows(self, fleet: str, vehicle: str) -> bool:
+        """Whether a vehicle is watched here."""
         ...
 
 
@@ -55,6 +63,8 @@ class MovesPorts:
         monitor, subscriber: of this worker.
         checkpoint: a vehicle's last one, None without.
         alerts: a vehicle's, newest first; DatabaseError where they cannot be read.
+        release: has others give vehicles up, if they have them; it returns once their states are written, or after a
+            bounded time.
     """
 
     def __init__(
@@ -63,8 +73,10 @@ class MovesPorts:
         subscriber: MovingSubscriber,
         checkpoint: Callable[[str, str], SavedVehicle | None],
         alerts: Callable[[str, str], Sequence[AlertView]],
+        release: Callable[[Sequence[Key]], None] = lambda _: None,
     ) -> None:
         self.monitor, self.subscriber, self.checkpoint, self.alerts = monitor, subscriber, checkpoint, alerts
+        self.release = release
 
 
 class VehicleMoves:
@@ -82,9 +94,10 @@ class VehicleMoves:
         self._ownership, self._clock = ownership, clock
         self._ports: MovesPorts | None = None
         self._leaving = False
-        self._unread_s: dict[tuple[str, str], float] = {}
-        self._heard: dict[tuple[str, str], None] = {}
-        self._own: set[tuple[str, str]] = set()
+        self._released_s: dict[Key, float] = {}
+        self._unread_s: dict[Key, float] = {}
+        self._heard: dict[Key, None] = {}
+        self._own: set[Key] = set()
         self._lock = threading.Lock()
         self._counts = {"taken": 0, "given": 0, "failed": 0}
         self._changed, self._ending = threading.Event(), threading.Event()
@@ -143,12 +156,15 @@ class VehicleMoves:
             return False
         with self._lock:
             everyone = list(self._heard)
+        now_s = self._clock()
+        self._released_s = {k: at_s for k, at_s in self._released_s.items() if now_s - at_s < _RELEASED_S}
         owned = set() if self._leaving else {key for key in everyone if self._ownership.owns(*key)}
-        for key in self._own - owned:
-            self._own.discard(key)
-            ports.subscriber.leave(*key)
-            self._count("given")
+        owned -= self._released_s.keys()
+        for key in set(self._own) - owned:
+            self._give(ports, key)
         fresh = [key for key in everyone if key in owned and key not in self._own]
+        if fresh:
+            ports.release(fresh[:_AT_ONCE])
         for key in fresh[:_AT_ONCE]:
             try:
                 self._take(ports, *key)
@@ -158,13 +174,35 @@ class VehicleMoves:
                 _LOG.exception("%s/%s cannot be taken over; it is tried again", *key)
         return len(fresh) > _AT_ONCE
 
+    def release(self, vehicles: Sequence[Key]) -> None:
+        """Give vehicles up that another worker wants to take over, and take none of them for two seconds."""
+        ports, now_s = self._ports, self._clock()
+        if ports is None:
+            return
+        for key in vehicles:
+            with self._lock:
+                owned = key in self._own
+                if owned:
+                    self._released_s[key] = now_s
+            if owned:
+                self._give(ports, key)
+
+    def _give(self, ports: MovesPorts, key: Key) -> None:
+        with self._lock:
+            if key not in self._own:
+                return
+            self._own.discard(key)
+        ports.subscriber.leave(*key)
+        self._count("given")
+
     def _take(self, ports: MovesPorts, fleet: str, vehicle: str) -> None:
         alerts = self._alerts(ports, fleet, vehicle)
         if alerts is None:
             return
         ports.monitor.take_over(fleet, vehicle, ports.checkpoint(fleet, vehicle), alerts)
         ports.subscriber.watch(fleet, vehicle)
-        self._own.add((fleet, vehicle))
+        with self._lock:
+            self._own.add((fleet, vehicle))
         self._count("taken")
 
     def _alerts(self, ports: MovesPorts, fleet: str, vehicle: str) -> Sequence[AlertView] | None:

@@ -35,6 +35,7 @@ __all__ = ["Worker", "running_worker"]
 _ALERTS_OF_ONE = 1000
 _HEAR_S = 0.5
 _LEAVE_S = 1.5
+_RELEASE_S = 1.0
 _ALERTS_PATIENCE_S = 3.0
 
 
@@ -125,10 +126,16 @@ def running_worker(
                 watch.subscriber,
                 watch.checkpoints.read,
                 lambda fleet, vehicle: reader.ask(lambda: _alerts_of(watch.database, fleet, vehicle)),
+                lambda vehicles: _released_by_others(watch, name, live, vehicles),
             )
         )
         ports = AnsweringPorts(
-            watch.monitor, watch.diagnoses, worker.state, moves.owns, watch.subscriber.announcements
+            watch.monitor,
+            watch.diagnoses,
+            worker.state,
+            moves.owns,
+            watch.subscriber.announcements,
+            lambda vehicles: _release(watch, moves, vehicles),
         )
         stack.enter_context(WorkerAnswers(watch.session, name, ports, wall_clock))
         watch.subscriber.take_announcements(_announced_before(watch))
@@ -146,6 +153,25 @@ def _announced_before(watch: Watch) -> list[InboundMessage]:
         InboundMessage(one.fleet, one.vehicle, "aircraft", encode_aircraft(one.message), PROTOBUF, now_s)
         for one in watch.checkpoints.load()
     ]
+
+
+def _released_by_others(
+    watch: Watch, name: str, live: LiveWorkers, vehicles: Sequence[tuple[str, str]]
+) -> None:
+    """Have others give vehicles up that are this worker's by now; one that is frozen is waited for a second."""
+    if any(other != name for other in live.names):
+        WorkerLink(watch.session).ask_all("release", forms.VEHICLE_NAMES.encode(tuple(vehicles)), _RELEASE_S)
+
+
+def _release(watch: Watch, moves: VehicleMoves, vehicles: Sequence[tuple[str, str]]) -> None:
+    """Give vehicles up; returns once their last states are written, or after a second."""
+    moves.release(vehicles)
+    until_s = time.monotonic() + _RELEASE_S
+    while time.monotonic() < until_s and (
+        any(watch.monitor.knows(*key) and not moves.owns(*key) for key in vehicles)
+        or watch.checkpoints.waiting
+    ):
+        time.sleep(0.01)
 
 
 def _alerts_of(database: Database, fleet: str, vehicle: str) -> Sequence[AlertView]:
@@ -203,7 +229,7 @@ class _Joining:
     @property
     def _holds(self) -> bool:
         """Whether vehicles are still watched, or their states not yet written."""
-        return bool(self._watch.monitor.size or self._watch.checkpoints.waiting)
+        return bool(self._watch.monitor.size) or not self._watch.checkpoints.idle
 
     def _run(self) -> None:
         self._ending.wait(_HEAR_S)  # for the others' tokens

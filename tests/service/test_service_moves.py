@@ -33,6 +33,9 @@ class Parts:
             raise RuntimeError("broken")
         self.said.append(("taken", vehicle, *(alert.id for alert in alerts)))
 
+    def knows(self, fleet: str, vehicle: str) -> bool:
+        return False
+
     def watch(self, fleet: str, vehicle: str) -> None:
         self.said.append(("watched", vehicle))
 
@@ -100,3 +103,18 @@ def test_one_vehicle_s_fault_keeps_no_other_from_being_watched() -> None:
     parts.broken = ""
     moves.turn()
     assert moves.owns("default", "a")
+
+
+def test_a_vehicle_that_another_worker_asks_for_is_given_up_and_not_taken_back_at_once() -> None:
+    parts = Parts(mine={"a", "b"})
+    moves = moves_of(parts)
+    for name in ("a", "b"):
+        moves.heard("default", name)
+    moves.turn()
+    moves.release([("default", "a"), ("default", "unknown")])
+    moves.turn()
+    assert (moves.owns("default", "a"), moves.owns("default", "b")) == (False, True)
+    assert parts.said[-1] == ("left", "a")
+    parts.now_s = 3.0
+    moves.turn()
+    assert moves.owns("default", "a")  # nobody has taken it

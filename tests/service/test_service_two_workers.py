@@ -143,7 +143,7 @@ def test_an_alert_stands_through_the_end_of_its_worker_and_can_be_acted_on_at_th
     (alert,) = fleet.seen.alerts()
     fleet.start("b", fleet.stack)
     first.close()
-    until(lambda: set(watchers(fleet).values()) == {"b"})
+    until(lambda: watchers(fleet)[ILL] == "b")
     until(lambda: fleet.seen.vehicle("default", ILL).state is VehicleState.DEGRADED)
     assert fleet.seen.vehicle("default", ILL).active_alerts == [alert.id]
     assert fleet.seen.act_on_alert(alert.id, AlertAction.ACKNOWLEDGE, "lead", "seen") is not None
