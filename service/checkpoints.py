@@ -182,8 +182,9 @@ class CheckpointFolder:
             if key is None:
                 return None
             self._urgent.pop(key, None)
-            self._in_hand = True
-            return self._waiting.pop(key, None)
+            found = self._waiting.pop(key, None)
+            self._in_hand = found is not None
+            return found
 
     def _written(self, checkpoint: Checkpoint) -> None:
         saved = checkpoint.saved

@@ -17,7 +17,7 @@ from wingwatch.service.workers.link import WorkerLink
 from wingwatch.service.workers.live import LiveWorkers
 from wingwatch.service.workers.messages import WorkerState
 from wingwatch.service.workers.remote_fleet import RemoteFleet
-from wingwatch.telemetry import ZenohSettings, open_session
+from wingwatch.telemetry import LinkSecurity, ZenohSettings, open_session
 from wingwatch.telemetry.worker_keys import WorkerToken
 
 PATIENCE_S = 30.0
@@ -63,9 +63,15 @@ class Said:
 class Gateway:
     """A remote fleet with all around it."""
 
-    def __init__(self, endpoint: str, alerts: Callable[[], Sequence[AlertView]] = list) -> None:
+    def __init__(
+        self,
+        endpoint: str,
+        alerts: Callable[[], Sequence[AlertView]] = list,
+        security: LinkSecurity | None = None,
+    ) -> None:
         self._stack = ExitStack()
-        session = self._stack.enter_context(open_session(ZenohSettings.for_vehicle((endpoint,))))
+        link = ZenohSettings.for_vehicle((endpoint,), security)
+        session = self._stack.enter_context(open_session(link))
         self.heard: list[AlertView] = []
         live: LiveWorkers
         self.fleet = RemoteFleet(WorkerLink(session), lambda: live.names, alerts, self.heard.append)
