@@ -50,7 +50,7 @@ class CheckpointFolder:
         self._files: dict[str, None] = {}  # written longest ago first
         self._counts = dict.fromkeys(("written", "failed", "refused", "expired", "resumed"), 0)
         self._lock, self._writing = threading.Lock(), threading.Lock()
-        self._news, self._end = threading.Event(), False
+        self._news, self._end, self._in_hand = threading.Event(), False, False
         self._problem: str | None = None
         self.loop = Loop(
             "wingwatch-checkpoints", "the loop that saves vehicles' states", self._run, self._news.set
@@ -70,6 +70,12 @@ class CheckpointFolder:
     def waiting(self) -> int:
         """States that wait to be written."""
         return len(self._waiting)
+
+    @property
+    def idle(self) -> bool:
+        """Whether every state that was handed over is written, or given up."""
+        with self._lock:
+            return not self._waiting and not self._in_hand
 
     @property
     def problem(self) -> str | None:
@@ -130,6 +136,23 @@ class CheckpointFolder:
             found.append(replace(saved, silent_s=saved.silent_s + away_s))
         return sorted(found, key=lambda saved: -saved.silent_s)
 
+    def read(self, fleet: str, vehicle: str) -> SavedVehicle | None:
+        """One vehicle's, whichever process has written it; None where there is none that can be used."""
+        path = self._path(fleet, vehicle)
+        try:
+            checkpoint = decode_checkpoint(_read(path))
+        except FileNotFoundError:
+            return None
+        except Exception as error:
+            self.count("refused", f"the checkpoint {path} is not used: {error}; its vehicle starts anew")
+            return None
+        away_s = max(0.0, self._wall_clock() - checkpoint.saved_at_s)
+        return replace(checkpoint.saved, silent_s=checkpoint.saved.silent_s + away_s)
+
+    def _path(self, fleet: str, vehicle: str) -> Path:
+        name = hashlib.sha256(f"{fleet}/{vehicle}".encode()).hexdigest()[:32]
+        return self._folder / f"{name}{_SUFFIX}"
+
     def _paths(self) -> list[Path]:
         """Files of checkpoints, written longest ago first; what is too many is removed, and what was not finished."""
         if not self._folder.is_dir():
@@ -154,17 +177,20 @@ class CheckpointFolder:
     def _next(self) -> Checkpoint | None:
         """What is to be written next, taken out of what waits."""
         with self._lock:
+            self._in_hand = False
             key = next(iter(self._urgent), None) or next(iter(self._waiting), None)
             if key is None:
                 return None
             self._urgent.pop(key, None)
-            return self._waiting.pop(key, None)
+            found = self._waiting.pop(key, None)
+            self._in_hand = found is not None
+            return found
 
     def _written(self, checkpoint: Checkpoint) -> None:
         saved = checkpoint.saved
         try:
             with self._writing:
-                self._write_file(f"{saved.fleet}/{saved.vehicle}", encode_checkpoint(checkpoint))
+                self._write_file(self._path(saved.fleet, saved.vehicle), encode_checkpoint(checkpoint))
         except Exception as error:  # a full disk, or a state that cannot be written, must not end this thread
             self.count("failed")
             problem = f"{type(error).__name__}: {error}"
@@ -175,9 +201,8 @@ class CheckpointFolder:
         self._problem = None
         self.count("written")
 
-    def _write_file(self, name: str, data: bytes) -> None:
+    def _write_file(self, path: Path, data: bytes) -> None:
         self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        path = self._folder / f"{hashlib.sha256(name.encode()).hexdigest()[:32]}{_SUFFIX}"
         unfinished = path.with_suffix(_UNFINISHED)
         with unfinished.open("wb") as file:
             file.write(data)

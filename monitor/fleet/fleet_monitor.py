@@ -37,6 +37,7 @@ from wingwatch.monitor.fleet.settings import FleetSettings
 from wingwatch.monitor.fleet.together import feed_together
 from wingwatch.monitor.fleet.views import FleetViews
 from wingwatch.monitor.ports import ActionRequest, Outputs, Store, VehicleMemory
+from wingwatch.monitor.positions import Place
 from wingwatch.monitor.record_views import FlightRecordView
 from wingwatch.monitor.vehicle.checkpoint import SavedVehicle, settings_of
 from wingwatch.monitor.vehicle.vehicle_monitor import Report, VehicleMonitor
@@ -44,6 +45,7 @@ from wingwatch.monitor.views import (
     SHELVED_S,
     AlertAction,
     AlertGroupView,
+    AlertState,
     AlertView,
     Event,
     FleetFigures,
@@ -141,6 +143,47 @@ class FleetMonitor:
             self._behind |= {key: known for key, known in self._vehicles.items() if known.held}
             self._held += sum(len(known.held) for known in self._behind.values())
 
+    def take_over(
+        self, fleet: str, vehicle: str, saved: SavedVehicle | None, alerts: Sequence[AlertView]
+    ) -> None:
+        """A vehicle is watched here from now on; to be called before its first message.
+
+        Args:
+            saved: its last checkpoint, from which it goes on; None where there is none.
+            alerts: its alerts as the database has them, newest first.
+        """
+        key = fleet, vehicle
+        with self._lock:
+            self._alerts.take(key, alerts)
+            known_here = self._vehicles.get(key) is not None
+        if saved is not None and not known_here:
+            self._saving.resume_one(saved, self._find, self._maker, self._alerts.follow_earlier, {})
+        with self._lock:
+            known = self._vehicles.get(key)
+            if known is not None and known.held:
+                self._behind[key] = known
+                self._held += len(known.held)
+        in_force = [alert for alert in alerts if alert.state is not AlertState.CLEARED]
+        self._alerts.repeat(in_force[::-1])  # whoever watched it may have ended before it said so
+
+    def knows(self, fleet: str, vehicle: str) -> bool:
+        """Whether a vehicle is watched here."""
+        return self._vehicles.get((fleet, vehicle)) is not None
+
+    @property
+    def size(self) -> int:
+        """Vehicles that are remembered."""
+        return len(self._vehicles)
+
+    def _give_up(self, key: VehicleKey) -> None:
+        """A vehicle is watched elsewhere from now on: its last state is saved, and nothing is said of it any more."""
+        known = self._vehicles.remove(key)
+        self._behind.pop(key, None)
+        if known is not None:
+            self._held -= len(known.held)
+            self._saving.give_up(key, known)
+            self._context.ledger.give_up(key)
+
     def unsaved(self) -> Iterator[SavedVehicle]:
         """States that have changed since they were saved, for whoever ends the service; one copied at a time."""
         return self._saving.unsaved()
@@ -168,6 +211,10 @@ class FleetMonitor:
                 key = message.fleet, message.vehicle
                 if message.stream == "left":
                     self._arrivals.left(key, message.received_s)
+                    continue
+                if message.stream == "given_up":
+                    ready.pop(key, None)
+                    self._give_up(key)
                     continue
                 known = self._vehicles.heard(key)
                 if known is None:
@@ -419,6 +466,10 @@ class FleetMonitor:
         """All known vehicles, worst state first; samples are taken in between some and the next."""
         return self._views.all()
 
+    def brief(self) -> Sequence[VehicleView]:
+        """All known vehicles in any order, without what is worked out for a view; cheap enough for every second."""
+        return self._views.brief()
+
     def vehicle(self, fleet: str, vehicle: str) -> VehicleView | None:
         """One vehicle; None for an unknown one."""
         with self._lock:
@@ -469,6 +520,11 @@ class FleetMonitor:
         """Alerts in force that are one event, largest first."""
         with self._lock:
             return self._alerts.groups()
+
+    def alert_places(self) -> Mapping[str, tuple[int, Place]]:
+        """Where and when alerts of icing were raised, by id, for whoever groups those of several monitors."""
+        with self._lock:
+            return self._alerts.places()
 
     def act_on_alert(
         self,

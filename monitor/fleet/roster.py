@@ -72,6 +72,14 @@ class Roster:
         self.sort(key)
         return True
 
+    def remove(self, key: VehicleKey) -> KnownVehicle | None:
+        """A vehicle is watched elsewhere from now on; what it has counted stays counted."""
+        known = self._vehicles.pop(key, None)
+        if known is not None:
+            known.add_counts(self.gone)
+            self._strangers.pop(key, None)
+        return known
+
     def sort(self, key: VehicleKey) -> None:
         """Put a vehicle where it belongs, after a message or when its aircraft may have become known."""
         self._strangers.pop(key, None)
