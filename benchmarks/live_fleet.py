@@ -7,10 +7,11 @@ behind REST is behind what was sent at the end, how long REST took meanwhile, th
 vehicle-sample by thread, and its memory. Times are of a machine that also sends and asks. ``--stages`` tells what the
 thread that takes messages in spends its time on; that costs it a twentieth of it.
 
-``--workers N`` has N processes watch, and a gateway answer REST; processor time and memory are of all of them.
+``--workers 1 2`` compares the service itself with a gateway and two processes that watch; processor time and memory are
+of all of them.
 
 Run: python benchmarks/live_fleet.py [--vehicles 3 15] [--seconds 30] [--samples-per-message 10] [--over 0] [--stages]
-       [--stored] [--workers 1]
+       [--stored] [--workers 1 2]
 """
 
 import argparse
@@ -376,42 +377,18 @@ def report(run: Course) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="How many vehicles one service watches live.")
-    parser.add_argument(
-        "--vehicles", type=int, nargs="+", default=[3, 15, 50, 150, 300], help="numbers to try"
-    )
-    parser.add_argument("--seconds", type=float, default=30.0, help="of flight, in real time; at least 5")
-    parser.add_argument("--samples-per-message", type=int, default=10, help="1 to 100")
-    parser.add_argument(
-        "--over", type=float, default=0.0, help="seconds over which the vehicles begin, one after the other"
-    )
-    parser.add_argument(
-        "--stages", action="store_true", help="time by stage as well, which costs a twentieth"
-    )
-    parser.add_argument(
-        "--stored", action="store_true", help="with a baseline of the aircraft in the database"
-    )
-    parser.add_argument(
-        "--workers", type=int, default=1, help="processes that watch (default: 1, the service itself)"
-    )
-    parser.add_argument("--no-diagnose-alerts", action="store_true", help="do not look into alerts")
-    arguments = parser.parse_args()
-    if not 1 <= arguments.workers <= 16 or (arguments.stages and arguments.workers > 1):
-        parser.error(f"--workers is {arguments.workers}; give 1 to 16, and 1 with --stages")
-    if not 5.0 <= arguments.seconds <= 3600.0:
-        parser.error(f"--seconds is {arguments.seconds}; give 5 to 3600")
-    if not 0.0 <= arguments.over <= arguments.seconds - 5.0:
-        parser.error(
-            f"--over is {arguments.over}; give 0 to 5 less than --seconds, {arguments.seconds - 5.0}"
-        )
-    if not all(1 <= n <= 5000 for n in arguments.vehicles):
-        parser.error(f"--vehicles are {arguments.vehicles}; give 1 to 5000 each")
-    if not 1 <= arguments.samples_per_message <= 100:
-        parser.error(f"--samples-per-message is {arguments.samples_per_message}; give 1 to 100")
+    arguments = parsed()
     print(
         f"vehicles at {RATE_HZ:g} Hz for {arguments.seconds:g} s, {arguments.samples_per_message} samples a message, "
-        f"every other one in JSON, beginning over {arguments.over:g} s, {arguments.workers} worker(s)"
+        f"every other one in JSON, beginning over {arguments.over:g} s"
     )
+    for workers in arguments.workers:
+        watched(arguments, workers)
+
+
+def watched(arguments: argparse.Namespace, workers: int) -> None:
+    """All numbers of vehicles with so many workers, and the tables of them."""
+    print(f"\n{'the service itself' if workers == 1 else f'a gateway and {workers} workers'}")
     groups = ("behind, s", "one vehicle, ms", "fleet, ms")
     print(
         f"{'':24}"
@@ -427,22 +404,12 @@ def main() -> None:
         runs.append(
             course(
                 n, arguments.seconds, arguments.samples_per_message, arguments.over,
-                stages=arguments.stages, stored=arguments.stored, workers=arguments.workers,
+                stages=arguments.stages, stored=arguments.stored, workers=workers,
                 diagnose=not arguments.no_diagnose_alerts,
             )
         )  # fmt: skip
         report(runs[-1])
-    print("\nprocessor time of the service, us a vehicle-sample")
-    print(f"{'vehicles':>21}" + "".join(f"{run.vehicles:9d}" for run in runs))
-    parts = (
-        THREADS
-        if arguments.workers == 1
-        else ("gateway", *(f"worker {k + 1}" for k in range(arguments.workers)))
-    )
-    for part in parts:
-        print(f"{part:>21}" + "".join(f"{run.threads_us.get(part, 0.0):9.1f}" for run in runs))
-    rest = [run.all_us - sum(run.threads_us.get(part, 0.0) for part in parts) for run in runs]
-    print(f"{'REST, Zenoh and else':>21}" + "".join(f"{us:9.1f}" for us in rest))
+    of_parts(runs, THREADS if workers == 1 else ("gateway", *(f"worker {k + 1}" for k in range(workers))))
     if arguments.stages:
         print(f"\nof these {INGEST} by stage")
         for stage in STAGES:
@@ -450,6 +417,45 @@ def main() -> None:
     for run in runs:
         if run.problems:
             print(f"{run.vehicles} vehicles: " + ", ".join(f"{k} {n}" for k, n in run.problems.items()))
+
+
+def of_parts(runs: Sequence[Course], parts: Sequence[str]) -> None:
+    """Print what each thread, or each process, has cost."""
+    print("\nprocessor time of the service, us a vehicle-sample")
+    print(f"{'vehicles':>21}" + "".join(f"{run.vehicles:9d}" for run in runs))
+    for part in parts:
+        print(f"{part:>21}" + "".join(f"{run.threads_us.get(part, 0.0):9.1f}" for run in runs))
+    rest = [run.all_us - sum(run.threads_us.get(part, 0.0) for part in parts) for run in runs]
+    print(f"{'REST, Zenoh and else':>21}" + "".join(f"{us:9.1f}" for us in rest))
+
+
+def parsed() -> argparse.Namespace:
+    """The command's arguments, checked."""
+    parser = argparse.ArgumentParser(description="How many vehicles one service watches live.")
+    add = parser.add_argument
+    add("--vehicles", type=int, nargs="+", default=[3, 15, 50, 150, 300], help="numbers to try")
+    add("--seconds", type=float, default=30.0, help="of flight, in real time; at least 5")
+    add("--samples-per-message", type=int, default=10, help="1 to 100")
+    add("--over", type=float, default=0.0, help="seconds over which the vehicles begin, one after the other")
+    add("--stages", action="store_true", help="time by stage as well, which costs a twentieth")
+    add("--stored", action="store_true", help="with a baseline of the aircraft in the database")
+    add("--workers", type=int, nargs="+", default=[1], help="processes that watch; 1: the service itself")
+    add("--no-diagnose-alerts", action="store_true", help="do not look into alerts")
+    arguments = parser.parse_args()
+    if not all(1 <= n <= 16 for n in arguments.workers):
+        parser.error(f"--workers are {arguments.workers}; give 1 to 16 each")
+    if arguments.stages and arguments.workers != [1]:
+        parser.error("--stages times the service itself; give it without --workers")
+    if not 5.0 <= arguments.seconds <= 3600.0:
+        parser.error(f"--seconds is {arguments.seconds}; give 5 to 3600")
+    if not 0.0 <= arguments.over <= arguments.seconds - 5.0:
+        longest_s = arguments.seconds - 5.0
+        parser.error(f"--over is {arguments.over}; give 0 to 5 less than --seconds, {longest_s}")
+    if not all(1 <= n <= 5000 for n in arguments.vehicles):
+        parser.error(f"--vehicles are {arguments.vehicles}; give 1 to 5000 each")
+    if not 1 <= arguments.samples_per_message <= 100:
+        parser.error(f"--samples-per-message is {arguments.samples_per_message}; give 1 to 100")
+    return arguments
 
 
 if __name__ == "__main__":

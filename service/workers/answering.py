@@ -73,6 +73,9 @@ class AnsweringPorts:
         owns: whether a vehicle, by fleet and name, is watched here.
         announced: what vehicles have said of their aircraft, here or to others.
         release: gives vehicles up, and returns once their states are written.
+        refresh: reads the alerts of a vehicle, by fleet and name, that is watched nowhere: another worker may have
+            changed them. It raises DatabaseError where they cannot be read.
+        capacity: what the worker takes beside others.
     """
 
     def __init__(
@@ -83,9 +86,12 @@ class AnsweringPorts:
         owns: Callable[[str, str], bool] = lambda _fleet, _vehicle: True,
         announced: Callable[[], Sequence[InboundMessage]] = tuple,
         release: Callable[[Sequence[tuple[str, str]]], None] = lambda _: None,
+        refresh: Callable[[str, str], None] = lambda _fleet, _vehicle: None,
+        capacity: float = 1.0,
     ) -> None:
         self.monitor, self.reports, self.state = monitor, reports, state
         self.owns, self.announced, self.release = owns, announced, release
+        self.refresh, self.capacity = refresh, capacity
 
 
 class WorkerAnswers:
@@ -132,6 +138,7 @@ class WorkerAnswers:
             "announced": self._announced,
             "act": self._act,
             "release": self._release,
+            "capacity": lambda _: forms.CAPACITY.encode(self._ports.capacity),
         }
 
     def __enter__(self) -> Self:
@@ -261,6 +268,8 @@ class WorkerAnswers:
         if self._wall_clock() > act.until_at_s:
             return Acted(refused="late", why="the action has come too late; nothing has happened, try again")
         try:
+            if not self._ports.owns(act.fleet, act.vehicle):
+                self._ports.refresh(act.fleet, act.vehicle)
             return Acted(
                 self._ports.monitor.act_on_alert(
                     act.alert_id, act.action, act.who, act.note, act.key, act.shelve_s

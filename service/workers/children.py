@@ -171,7 +171,7 @@ def child_settings(settings: ServeSettings, link: ZenohSettings, number: int) ->
             "connect": connect,
             "notify": NotifyTable(),
             "workers": 1,
-            "worker_name": new_worker_name(),
+            "worker_name": f"w{number}-{new_worker_name()[:8]}",
             "record": None if settings.record is None else settings.record / f"worker-{number}",
             "data": settings.data.resolve(),
             "documents": None,

@@ -4,7 +4,7 @@ It holds no estimator and loads no kernel. Several may run beside each other; on
 """
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
@@ -186,7 +186,12 @@ def _seen(
         notifications.hear(lambda: alert)
 
     live: LiveWorkers
-    fleet = RemoteFleet(WorkerLink(session), lambda: live.names, read_alerts, heard, first_in_order)
+    fleet = RemoteFleet(WorkerLink(session), lambda: live.names, read_alerts, heard, _first)
     live = stack.enter_context(LiveWorkers(session, WorkerToken.PRESENT, fleet.look_again))
     stack.enter_context(fleet)
     return _Seen(session, link, fleet)
+
+
+def _first(workers: Sequence[str], fleet: str, vehicle: str) -> str:
+    """Whoever of some workers carries out what is asked of a vehicle that none watches."""
+    return first_in_order(dict.fromkeys(workers, 1.0), fleet, vehicle)

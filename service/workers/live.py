@@ -1,17 +1,20 @@
 """Which workers live, by their liveliness tokens."""
 
 import threading
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Self
 
 import zenoh
 
+from wingwatch.api import WorkerSilentError
 from wingwatch.telemetry.keys import KeyNameError
 from wingwatch.telemetry.worker_keys import WorkerToken, every_worker, parse_token_key
 
-__all__ = ["LiveWorkers"]
+__all__ = ["Capacities", "LiveWorkers"]
 
 _MOST = 256
+_ASK_AGAIN_S = 5.0
 
 
 class LiveWorkers:
@@ -66,3 +69,36 @@ class LiveWorkers:
                 self.refused += 1
                 return
         self._changed()
+
+
+class Capacities:
+    """What each of the live workers takes beside others: asked once of each. To be used by one thread.
+
+    Args:
+        own: name and capacity of this worker.
+        live: names of those that live.
+        ask: a worker's by its name; WorkerSilentError where it does not answer, and then 1 counts for a while.
+        clock: monotonic seconds.
+    """
+
+    def __init__(
+        self,
+        own: tuple[str, float],
+        live: Callable[[], Sequence[str]],
+        ask: Callable[[str], float],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._live, self._ask, self._clock = live, ask, clock
+        self._known: dict[str, float] = dict((own,))
+        self._again_s: dict[str, float] = {}
+
+    def look(self) -> Mapping[str, float]:
+        """By name; it may ask."""
+        live, now_s = self._live(), self._clock()
+        for name in live:
+            if name not in self._known and now_s >= self._again_s.get(name, now_s):
+                try:
+                    self._known[name] = self._ask(name)
+                except WorkerSilentError:
+                    self._again_s[name] = now_s + _ASK_AGAIN_S
+        return {name: self._known.get(name, 1.0) for name in live}

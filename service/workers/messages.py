@@ -19,6 +19,7 @@ __all__ = [
     "ACT",
     "ANNOUNCED",
     "ACTED",
+    "CAPACITY",
     "DERIVATIVES",
     "DIAGNOSES",
     "EXPECT",
@@ -180,12 +181,14 @@ class Expect:
 
 @dataclass(frozen=True, slots=True)
 class Act:
-    """A person's action.
+    """A person's action on an alert of a vehicle.
 
     Attributes:
         until_at_s: later it is not carried out: whoever asked has had a refusal. Seconds since 1970-01-01 UTC.
     """
 
+    fleet: str
+    vehicle: str
     alert_id: str
     action: AlertAction
     who: str
@@ -228,4 +231,5 @@ EXPECTED = Form[tuple[_Rows, _Rows] | None](tuple[_Rows, _Rows] | None)
 ACT = Form[Act](Act)
 ACTED = Form[Acted](Acted)
 ANNOUNCED = Form[tuple[Announced, ...]](tuple[Announced, ...])
+CAPACITY = Form[float](float)
 DIAGNOSES = Form[tuple[DiagnosisView, ...]](tuple[DiagnosisView, ...])

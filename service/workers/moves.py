@@ -158,7 +158,7 @@ class VehicleMoves:
             everyone = list(self._heard)
         now_s = self._clock()
         self._released_s = {k: at_s for k, at_s in self._released_s.items() if now_s - at_s < _RELEASED_S}
-        owned = set() if self._leaving else {key for key in everyone if self._ownership.owns(*key)}
+        owned = set() if self._leaving else self._ownership.owned(everyone)
         owned -= self._released_s.keys()
         for key in set(self._own) - owned:
             self._give(ports, key)

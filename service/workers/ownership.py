@@ -11,10 +11,10 @@ _DENOMINATOR = 2.0**64 + 1.0
 
 
 class Ownership(Protocol):
-    """Says which vehicles are this worker's; the answer may change at any time. Every method is thread-safe."""
+    """Says which vehicles are this worker's; the answer may change at any time. ``owned`` is asked by one thread."""
 
-    def owns(self, fleet: str, vehicle: str) -> bool:
-        """Whether this worker watches the vehicle now; it returns at once."""
+    def owned(self, vehicles: Sequence[tuple[str, str]]) -> set[tuple[str, str]]:
+        """Which of these, by fleet and name, this worker is to watch now; it may take a moment."""
         ...
 
     def heard(self, fleet: str, vehicle: str) -> None:
@@ -25,9 +25,9 @@ class Ownership(Protocol):
 class EveryVehicle:
     """A worker that watches all vehicles there are."""
 
-    def owns(self, fleet: str, vehicle: str) -> bool:
+    def owned(self, vehicles: Sequence[tuple[str, str]]) -> set[tuple[str, str]]:
         """Every one."""
-        return True
+        return set(vehicles)
 
     def heard(self, fleet: str, vehicle: str) -> None:
         """It is watched already."""
@@ -36,28 +36,30 @@ class EveryVehicle:
 class ByOrder:
     """Each vehicle is watched by the first of the live workers in its order; nobody is asked, so no lease is held.
 
-    Workers that hear of a change at different moments may both watch a vehicle for as long, or neither.
+    Workers that see a change at different moments may both watch a vehicle for as long, or neither.
 
     Args:
         me: name of this worker.
-        live: names of those that live.
+        capacities: of those that live, by name.
     """
 
-    def __init__(self, me: str, live: Callable[[], Sequence[str]]) -> None:
-        self._me, self._live = me, live
+    def __init__(self, me: str, capacities: Callable[[], Mapping[str, float]]) -> None:
+        self._me, self._capacities = me, capacities
 
-    def owns(self, fleet: str, vehicle: str) -> bool:
-        """Whether this worker is the first of those that live."""
-        live = self._live()
-        return self._me in live and first_in_order(live, fleet, vehicle) == self._me
+    def owned(self, vehicles: Sequence[tuple[str, str]]) -> set[tuple[str, str]]:
+        """Those of which this worker is the first of those that live."""
+        capacities = self._capacities()
+        if self._me not in capacities:
+            return set()
+        return {key for key in vehicles if first_in_order(capacities, *key) == self._me}
 
     def heard(self, fleet: str, vehicle: str) -> None:
         """The order is known without."""
 
 
-def first_in_order(workers: Sequence[str], fleet: str, vehicle: str) -> str:
-    """The worker that a vehicle belongs to; ``ValueError`` without any."""
-    return max(workers, key=lambda worker: _score(worker, 1.0, fleet, vehicle))
+def first_in_order(capacities: Mapping[str, float], fleet: str, vehicle: str) -> str:
+    """The first of ``in_order``; ``ValueError`` without any worker."""
+    return max(capacities, key=lambda worker: _score(worker, capacities[worker], fleet, vehicle))
 
 
 def in_order(capacities: Mapping[str, float], fleet: str, vehicle: str) -> list[str]:

@@ -275,7 +275,9 @@ class RemoteFleet:
         if alert is None:
             return None
         worker = self._responsible((alert.fleet, alert.vehicle))
-        act = Act(alert_id, action, who, note, key or uuid4().hex, shelve_s, time.time() + _ACT_S)
+        act = Act(
+            alert.fleet, alert.vehicle, alert_id, action, who, note, key or uuid4().hex, shelve_s, time.time() + _ACT_S
+        )  # fmt: skip
         self._refuse_silent(worker)
         try:
             acted = forms.ACTED.decode(self._link.ask(worker, "act", forms.ACT.encode(act), _ACT_S))

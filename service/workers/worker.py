@@ -23,7 +23,7 @@ from wingwatch.service.watch_health import WatchHealth
 from wingwatch.service.workers import messages as forms
 from wingwatch.service.workers.answering import AnsweringPorts, WorkerAnswers
 from wingwatch.service.workers.link import WorkerLink
-from wingwatch.service.workers.live import LiveWorkers
+from wingwatch.service.workers.live import Capacities, LiveWorkers
 from wingwatch.service.workers.messages import AnswerError, WorkerState
 from wingwatch.service.workers.moves import MovesPorts, VehicleMoves
 from wingwatch.service.workers.ownership import ByOrder
@@ -36,6 +36,7 @@ _ALERTS_OF_ONE = 1000
 _HEAR_S = 0.5
 _LEAVE_S = 1.5
 _RELEASE_S = 1.0
+_CAPACITY_S = 0.5
 _ALERTS_PATIENCE_S = 3.0
 
 
@@ -80,11 +81,13 @@ class Worker:
         """What it says of itself; it returns at once."""
         watch, figures = self._watch, self._watch.monitor.figures()
         problems = {**self._health.problems(), "moves": self._moves.loop.problem}
+        counters = dict(self._health.counters())
+        counters["loop"] = {**counters["loop"], "restarts_moves": self._moves.loop.restarts}
         return WorkerState(
             watch.as_worker(self.name, self._capacity, figures, self._moves.counts),
             replace(figures, alerts={}),
             self._health.figures(),
-            self._health.counters(),
+            counters,
             {part: problem for part, problem in problems.items() if problem is not None},
             watch.preparation.view(),
         )
@@ -111,22 +114,30 @@ def running_worker(
     with ExitStack() as stack:
         registry = AircraftRegistry(settings.aircraft)
         live: LiveWorkers
-        moves = stack.enter_context(VehicleMoves(ByOrder(name, lambda: live.names)))
+        link: WorkerLink
+        own = name, settings.capacity
+        capacities = Capacities(own, lambda: live.names, lambda other: _capacity_of(link, other))
+        moves = stack.enter_context(VehicleMoves(ByOrder(name, capacities.look)))
         begun = threading.Event()
         plan = WatchPlan(
             preparation, wall_clock, lambda outputs: _BegunOutputs(outputs, begun), moves.heard, moves.owns
         )
         watch = begin_watch(stack, settings, registry, plan)
+        link = WorkerLink(watch.session)
         live = stack.enter_context(LiveWorkers(watch.session, WorkerToken.ALIVE, moves.look_again))
         worker = Worker(name, watch, moves, settings.capacity)
         reader = PatientReader(_ALERTS_PATIENCE_S)
+
+        def alerts(fleet: str, vehicle: str) -> Sequence[AlertView]:
+            return reader.ask(lambda: _alerts_of(watch.database, fleet, vehicle))
+
         moves.begin(
             MovesPorts(
                 watch.monitor,
                 watch.subscriber,
                 watch.checkpoints.read,
-                lambda fleet, vehicle: reader.ask(lambda: _alerts_of(watch.database, fleet, vehicle)),
-                lambda vehicles: _released_by_others(watch, name, live, vehicles),
+                alerts,
+                lambda vehicles: _released_by_others(link, name, live, vehicles),
             )
         )
         ports = AnsweringPorts(
@@ -136,6 +147,8 @@ def running_worker(
             moves.owns,
             watch.subscriber.announcements,
             lambda vehicles: _release(watch, moves, vehicles),
+            lambda fleet, vehicle: watch.monitor.take_over(fleet, vehicle, None, alerts(fleet, vehicle)),
+            settings.capacity,
         )
         stack.enter_context(WorkerAnswers(watch.session, name, ports, wall_clock))
         watch.subscriber.take_announcements(_announced_before(watch))
@@ -155,12 +168,19 @@ def _announced_before(watch: Watch) -> list[InboundMessage]:
     ]
 
 
+def _capacity_of(link: WorkerLink, worker: str) -> float:
+    try:
+        return forms.CAPACITY.decode(link.ask(worker, "capacity", b"", _CAPACITY_S))
+    except AnswerError as error:
+        raise WorkerSilentError(f"worker {worker} does not say its capacity: {error}") from None
+
+
 def _released_by_others(
-    watch: Watch, name: str, live: LiveWorkers, vehicles: Sequence[tuple[str, str]]
+    link: WorkerLink, name: str, live: LiveWorkers, vehicles: Sequence[tuple[str, str]]
 ) -> None:
     """Have others give vehicles up that are this worker's by now; one that is frozen is waited for a second."""
     if any(other != name for other in live.names):
-        WorkerLink(watch.session).ask_all("release", forms.VEHICLE_NAMES.encode(tuple(vehicles)), _RELEASE_S)
+        link.ask_all("release", forms.VEHICLE_NAMES.encode(tuple(vehicles)), _RELEASE_S)
 
 
 def _release(watch: Watch, moves: VehicleMoves, vehicles: Sequence[tuple[str, str]]) -> None:

@@ -5,14 +5,19 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import httpx
 import pytest
 from live import until
 from loopback import free_endpoint
+
+from wingwatch.cli.main import main
 
 LONGEST_END_S = 3.0
 
@@ -71,19 +76,35 @@ def test_a_killed_worker_is_replaced_and_all_end_in_order(tmp_path: Path) -> Non
     assert not any(is_there(pid) for pid in last)
 
 
-def test_a_worker_beside_a_gateway_shows_in_it_and_leaves_it(tmp_path: Path) -> None:
-    endpoint = free_endpoint()
-    gateway = Running("gateway", "--port", 0, "--listen", endpoint, "--data", tmp_path)
-    answer = gateway.get("/health/ready")
-    assert answer.status_code == 503
-    assert "start one with `wingwatch worker`" in answer.json()["detail"]
-    worker = Running("worker", "--connect", endpoint, "--data", tmp_path, "--worker-name", "w1")
-    assert worker.said == {"worker": "w1", "zenoh": [endpoint]}
-    until(lambda: gateway.workers() == [worker.process.pid])
-    code, took_s, err = worker.end()
-    assert (code, took_s <= LONGEST_END_S) == (0, True), (took_s, err)
-    until(lambda: gateway.workers() == [])
-    assert gateway.end()[0] == 0
+@pytest.fixture
+def ended_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Commands whose end is asked for before they begin, in this process."""
+
+    @contextmanager
+    def asked() -> Iterator[threading.Event]:
+        end = threading.Event()
+        end.set()
+        yield end
+
+    def leave(code: int) -> NoReturn:
+        raise SystemExit(code)
+
+    for command in ("worker_command", "gateway_command"):
+        monkeypatch.setattr(f"wingwatch.cli.{command}.asked_to_end", asked)
+        monkeypatch.setattr(f"wingwatch.cli.{command}.leave_at_once", leave)
+
+
+@pytest.mark.usefixtures("ended_at_once")
+def test_worker_and_gateway_say_where_they_are(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    common = ("--listen", "tcp/127.0.0.1:0", "--data", str(tmp_path), "--json")
+    with pytest.raises(SystemExit, match="0"):
+        main(["worker", "--worker-name", "w1", *common])
+    said = json.loads(capsys.readouterr().out)
+    assert said["worker"] == "w1"
+    assert said["zenoh"][0].startswith("tcp/127.0.0.1:")
+    with pytest.raises(SystemExit, match="0"):
+        main(["gateway", "--port", "0", *common])
+    assert json.loads(capsys.readouterr().out)["url"].startswith("http://127.0.0.1:")
 
 
 @pytest.mark.parametrize(
@@ -100,8 +121,6 @@ def test_a_worker_beside_a_gateway_shows_in_it_and_leaves_it(tmp_path: Path) -> 
 def test_what_cannot_be_is_said_in_one_sentence(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, arguments: tuple[str, ...], sentence: str
 ) -> None:
-    from wingwatch.cli.main import main
-
     try:
         code = main([*arguments, "--data", str(tmp_path)])
     except SystemExit as end:

@@ -20,8 +20,8 @@ class Parts:
     broken: str = ""
     now_s: float = 0.0
 
-    def owns(self, fleet: str, vehicle: str) -> bool:
-        return vehicle in self.mine
+    def owned(self, vehicles: Sequence[tuple[str, str]]) -> set[tuple[str, str]]:
+        return {key for key in vehicles if key[1] in self.mine}
 
     def heard(self, fleet: str, vehicle: str) -> None:
         self.said.append(("there", vehicle))

@@ -2,6 +2,8 @@
 
 from collections import Counter
 
+from wingwatch.api import WorkerSilentError
+from wingwatch.service.workers.live import Capacities
 from wingwatch.service.workers.ownership import ByOrder, EveryVehicle, first_in_order, in_order
 
 NAMES = [f"uav{k}" for k in range(2000)]
@@ -31,10 +33,28 @@ def test_a_worker_that_grows_takes_vehicles_and_gives_none() -> None:
 
 
 def test_one_of_those_that_live_owns_a_vehicle_and_no_other() -> None:
-    live = ("a", "b")
-    owners = {
-        name: [w for w in ("a", "b", "c") if ByOrder(w, lambda: live).owns("default", name)] for name in NAMES
-    }
-    assert all(found == [first_in_order(live, "default", name)] for name, found in owners.items())
-    assert not ByOrder("c", lambda: ()).owns("default", "uav1")
-    assert EveryVehicle().owns("default", "uav1")
+    live = {"a": 1.0, "b": 1.0}
+    vehicles = [("default", name) for name in NAMES]
+    of_a, of_b, of_c = (ByOrder(worker, lambda: live).owned(vehicles) for worker in ("a", "b", "c"))
+    assert of_a | of_b == set(vehicles)
+    assert not of_a & of_b
+    assert not of_c
+    assert all(first_in_order(live, *key) == "a" for key in of_a)
+    assert EveryVehicle().owned(vehicles) == set(vehicles)
+
+
+def test_a_capacity_is_asked_once_and_one_counts_while_a_worker_does_not_say() -> None:
+    asked, now_s, silent = list[str](), [0.0], {"c"}
+
+    def ask(name: str) -> float:
+        asked.append(name)
+        if name in silent:
+            raise WorkerSilentError("silent")
+        return 2.5
+
+    capacities = Capacities(("a", 0.5), lambda: ("a", "b", "c"), ask, lambda: now_s[0])
+    assert capacities.look() == capacities.look() == {"a": 0.5, "b": 2.5, "c": 1.0}
+    assert asked == ["b", "c"]
+    silent.clear()
+    now_s[0] = 6.0
+    assert capacities.look() == {"a": 0.5, "b": 2.5, "c": 2.5}

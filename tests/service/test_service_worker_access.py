@@ -57,6 +57,6 @@ def test_gateways_ask_workers_and_nobody_answers_in_another_s_name(tmp_path: Pat
         for who, answers in (("default.uav1", 0), ("w2", 1)):
             replies = list(sessions[who].get(question, timeout=2.0))
             assert sum(reply.ok is not None for reply in replies) == answers
-        forged.undeclare()
+        forged.undeclare()  # type: ignore[no-untyped-call]
         for token in tokens:
-            token.undeclare()
+            token.undeclare()  # type: ignore[no-untyped-call]
