@@ -10,7 +10,8 @@ import hashlib
 import logging
 import os
 import threading
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -32,6 +33,7 @@ _LOG = logging.getLogger(__name__)
 _SUFFIX, _UNFINISHED = ".checkpoint", ".unfinished"
 _MOST_WAITING = 4  # half a megabyte each; those with news of an alert wait beyond it
 _END_S = 10.0
+_LEFT_S = 60.0
 
 
 class CheckpointFolder:
@@ -47,6 +49,7 @@ class CheckpointFolder:
         self._folder, self._wall_clock, self._most = folder, wall_clock, most
         self._waiting: dict[tuple[str, str], Checkpoint] = {}
         self._urgent: dict[tuple[str, str], None] = {}
+        self._handed_over: dict[tuple[str, str], bytes] = {}
         self._files: dict[str, None] = {}  # written longest ago first
         self._counts = dict.fromkeys(("written", "failed", "refused", "expired", "resumed"), 0)
         self._lock, self._writing = threading.Lock(), threading.Lock()
@@ -114,6 +117,22 @@ class CheckpointFolder:
             self._waiting.pop((saved.fleet, saved.vehicle), None)
         self._written(Checkpoint(self._wall_clock(), saved))
 
+    def begin_hand_over(self, vehicles: Collection[tuple[str, str]]) -> None:
+        """What is written of these from now on is kept for ``handed_over`` as well."""
+        with self._lock:
+            self._handed_over |= dict.fromkeys(vehicles, b"")
+
+    def handed_over(self, vehicles: Collection[tuple[str, str]]) -> dict[tuple[str, str], bytes]:
+        """The last states of these, as they were written; empty where none was."""
+        with self._lock:
+            return {key: self._handed_over.pop(key, b"") for key in vehicles}
+
+    def drop(self, fleet: str, vehicle: str) -> None:
+        """Another process has gone on with a vehicle: what waits of it is not written."""
+        with self._lock:
+            self._waiting.pop((fleet, vehicle), None)
+            self._urgent.pop((fleet, vehicle), None)
+
     def load(self) -> Sequence[SavedVehicle]:
         """Every vehicle whose file can be used, the longest silent first, their silence until now included."""
         found: list[SavedVehicle] = []
@@ -140,11 +159,23 @@ class CheckpointFolder:
         """One vehicle's, whichever process has written it; None where there is none that can be used."""
         path = self._path(fleet, vehicle)
         try:
-            checkpoint = decode_checkpoint(_read(path))
+            return self.decoded(_read(path), str(path))
         except FileNotFoundError:
             return None
-        except Exception as error:
+        except (OSError, CheckpointError) as error:
             self.count("refused", f"the checkpoint {path} is not used: {error}; its vehicle starts anew")
+            return None
+
+    def decoded(self, data: bytes, where: str) -> SavedVehicle | None:
+        """A vehicle's, its silence until now included; None where it cannot be used, which is counted and said.
+
+        Args:
+            where: it comes from.
+        """
+        try:
+            checkpoint = decode_checkpoint(data)
+        except Exception as error:  # whatever it holds must not keep the vehicle from being watched
+            self.count("refused", f"the checkpoint {where} is not used: {error}; its vehicle starts anew")
             return None
         away_s = max(0.0, self._wall_clock() - checkpoint.saved_at_s)
         return replace(checkpoint.saved, silent_s=checkpoint.saved.silent_s + away_s)
@@ -158,7 +189,9 @@ class CheckpointFolder:
         if not self._folder.is_dir():
             return []
         for left in self._folder.glob(f"*{_UNFINISHED}"):
-            left.unlink(missing_ok=True)
+            with suppress(FileNotFoundError):
+                if time.time() - left.stat().st_mtime > _LEFT_S:  # a younger one may be another process's
+                    left.unlink(missing_ok=True)
         paths = sorted(self._folder.glob(f"*{_SUFFIX}"), key=lambda path: path.stat().st_mtime_ns)
         for path in paths[: max(0, len(paths) - self._most)]:
             path.unlink(missing_ok=True)
@@ -189,8 +222,12 @@ class CheckpointFolder:
     def _written(self, checkpoint: Checkpoint) -> None:
         saved = checkpoint.saved
         try:
+            data = encode_checkpoint(checkpoint)
+            with self._lock:
+                if (saved.fleet, saved.vehicle) in self._handed_over:
+                    self._handed_over[saved.fleet, saved.vehicle] = data
             with self._writing:
-                self._write_file(self._path(saved.fleet, saved.vehicle), encode_checkpoint(checkpoint))
+                self._write_file(self._path(saved.fleet, saved.vehicle), data)
         except Exception as error:  # a full disk, or a state that cannot be written, must not end this thread
             self.count("failed")
             problem = f"{type(error).__name__}: {error}"
@@ -203,7 +240,7 @@ class CheckpointFolder:
 
     def _write_file(self, path: Path, data: bytes) -> None:
         self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        unfinished = path.with_suffix(_UNFINISHED)
+        unfinished = path.with_suffix(f".{os.getpid()}{_UNFINISHED}")
         with unfinished.open("wb") as file:
             file.write(data)
             file.flush()

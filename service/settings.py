@@ -156,7 +156,7 @@ class ServeSettings(BaseModel):
     documents: Path | None = Field(default_factory=built_documents)
     workers: Annotated[int, Field(strict=True, ge=0, le=MOST_WORKERS)] = 1
     worker_name: Annotated[str, Field(min_length=1, max_length=63)] | None = None
-    capacity: Annotated[float, Field(gt=0.0, le=1000.0)] = 1.0
+    capacity: Annotated[float, Field(ge=0.001, le=1000.0)] = 1.0
 
     @field_validator("listen", "connect", "aircraft", "name", mode="before")
     @classmethod

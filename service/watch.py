@@ -38,6 +38,7 @@ from wingwatch.service.recorded_ports import RecordedCheckpoints, RecordedStore
 from wingwatch.service.recorder import Recorder
 from wingwatch.service.settings import ServeSettings
 from wingwatch.service.store import DatabaseStore
+from wingwatch.service.vehicle_leases import VehicleLeases
 from wingwatch.telemetry import SensorSubscriber, ZenohSettings, open_session, with_free_ports
 
 __all__ = ["DATABASE_PATIENCE_S", "Watch", "WatchPlan", "begin_watch", "connected", "link_of", "waiting_for"]
@@ -110,6 +111,7 @@ class WatchPlan:
             before the subscriber is to watch it, and none goes on from its checkpoint by itself. None: every
             vehicle is watched here.
         owns: whether a vehicle is watched here; what others say of one that is not is no forgery.
+        leases: under which the database is written; None where nobody else writes.
     """
 
     preparation: Preparation | None = None
@@ -117,6 +119,7 @@ class WatchPlan:
     announcing: Callable[[Outputs], Outputs] = field(default=lambda outputs: outputs)
     heard: Callable[[str, str], None] | None = None
     owns: Callable[[str, str], bool] | None = None
+    leases: VehicleLeases | None = None
 
 
 def begin_watch(
@@ -129,7 +132,7 @@ def begin_watch(
     """
     wall_clock = plan.wall_clock
     database = stack.enter_context(open_database(settings.where, busy_timeout_s=DATABASE_PATIENCE_S))
-    store = stack.enter_context(DatabaseStore(database, wall_clock, settings.history.retention))
+    store = stack.enter_context(DatabaseStore(database, wall_clock, settings.history.retention, plan.leases))
     checkpoints = stack.enter_context(CheckpointFolder(settings.checkpoints, wall_clock))
     link = link_of(settings)
     session = stack.enter_context(open_session(link))

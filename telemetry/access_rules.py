@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Any, Literal
 
 from wingwatch.telemetry.keys import EVERY_VEHICLE_ALIVE, KEY_ROOT, alive_key, check_name, vehicle_key
-from wingwatch.telemetry.worker_keys import WORKER_ROOT, WorkerToken, check_worker, every_worker
+from wingwatch.telemetry.worker_keys import EVERY_LOAD, EVERY_TOKEN, WORKER_ROOT, check_worker
 
 __all__ = ["access_rules", "vehicle_subject"]
 
@@ -21,7 +21,8 @@ _ALL = (f"{KEY_ROOT}/**",)
 _ALL_ALIVE = (f"{_ALIVE}/**",)
 _VEHICLES_ALIVE = (EVERY_VEHICLE_ALIVE,)
 _WORKERS = (f"{WORKER_ROOT}/*/*",)
-_WORKERS_THERE = tuple(every_worker(token) for token in WorkerToken)
+_WORKERS_THERE = (EVERY_TOKEN,)
+_LOADS = (EVERY_LOAD,)
 
 Identity = Literal["certificate", "user"]
 
@@ -121,17 +122,28 @@ def _of_worker(worker: str) -> list[dict[str, Any]]:
     """A worker answers under its own name, and asks others what they hand over."""
     names = (worker, f"{worker}-$*")
     own = tuple(f"{WORKER_ROOT}/{name}/*" for name in names)
-    tokens = tuple(f"{WORKER_ROOT}/{token}/{name}" for token in WorkerToken for name in names)
+    tokens = tuple(f"{WORKER_ROOT}/alive/{name}/*" for name in names)
     return [
         _rule("answers gateways", "ingress", ("declare_queryable", "reply"), own),
         _rule("is there", "ingress", ("liveliness_token",), tokens),
         _rule("is asked by gateways", "egress", ("query",), own),
+        *_sharing_loads(tuple(f"{WORKER_ROOT}/{name}/load" for name in names)),
         *_asking_workers(),
     ]
 
 
 def _of_gateway() -> list[dict[str, Any]]:
     return _asking_workers()
+
+
+def _sharing_loads(own: Sequence[str]) -> list[dict[str, Any]]:
+    """Workers hear each other's loads; ``own``: under which keys one says its own."""
+    return [
+        _rule("says its load", "ingress", ("put",), own),
+        _rule("listens to loads", "ingress", ("declare_subscriber",), _LOADS),
+        _rule("learns who listens to loads", "egress", ("declare_subscriber",), _LOADS),
+        _rule("hears loads", "egress", ("put",), _LOADS),
+    ]
 
 
 def _asking_workers() -> list[dict[str, Any]]:
@@ -150,6 +162,7 @@ def _of_workers_host() -> list[dict[str, Any]]:
         _rule("answers gateways", "ingress", ("declare_queryable", "reply"), _WORKERS),
         _rule("is there", "ingress", ("liveliness_token",), _WORKERS_THERE),
         _rule("is asked by gateways", "egress", ("query",), _WORKERS),
+        *_sharing_loads(_LOADS),
         *_asking_workers(),
     ]
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 from functools import partial
 from threading import Event, Lock, Thread
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 import zenoh
 
@@ -168,14 +168,14 @@ class SensorSubscriber:
         elif self._on_arrival is not None:
             self._on_arrival()
 
-    def leave(self, fleet: str, vehicle: str) -> None:
-        """Take a vehicle's messages no longer; the last one is ``given_up``, behind those that were taken out."""
-        if self._heard is None or not self._sensors.wants(fleet, vehicle):
+    def leave(self, fleet: str, vehicle: str, last: Literal["given_up", "dropped"] = "given_up") -> None:
+        """Take a vehicle's messages no longer; ``last`` comes behind those that were taken out."""
+        if self._heard is None:
             return
         self._sensors.leave(fleet, vehicle)
         with self._lock:
             self._waiting.drop((fleet, vehicle))
-            self._waiting.add(InboundMessage(fleet, vehicle, "given_up", b"", "", self._clock()))
+            self._waiting.add(InboundMessage(fleet, vehicle, last, b"", "", self._clock()))
         if self._on_arrival is not None:
             self._on_arrival()
 

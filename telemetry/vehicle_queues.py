@@ -20,7 +20,7 @@ class InboundMessage:
         fleet: from its key.
         vehicle: from its key.
         stream: ``sensors`` or ``aircraft``; ``left`` where the vehicle's liveliness token has gone; ``given_up`` where
-            another process watches it from now on.
+            another process watches it from now on, ``dropped`` where another has done so for a while.
         payload: its bytes; of a payload above the limit only so many that decoding says ``too_large``.
         encoding: Zenoh's encoding, as text.
         received_s: the subscriber's clock when it was taken over, a few milliseconds after its arrival.

@@ -175,13 +175,22 @@ class FleetMonitor:
         """Vehicles that are remembered."""
         return len(self._vehicles)
 
-    def _give_up(self, key: VehicleKey) -> None:
-        """A vehicle is watched elsewhere from now on: its last state is saved, and nothing is said of it any more."""
+    def tell_forgotten(self, forgotten: Callable[[VehicleKey], object]) -> None:
+        """Each vehicle that gives way to another name is named from now on, with the lock held."""
+        self._vehicles.tell = forgotten
+
+    def _give_up(self, key: VehicleKey, saved: bool) -> None:
+        """A vehicle is watched elsewhere from now on: nothing is said of it any more.
+
+        Args:
+            saved: whether its last state is saved; where another has gone on with it, what is known here is older.
+        """
         known = self._vehicles.remove(key)
         self._behind.pop(key, None)
         if known is not None:
             self._held -= len(known.held)
-            self._saving.give_up(key, known)
+            if saved:
+                self._saving.give_up(key, known)
             self._context.ledger.give_up(key)
 
     def unsaved(self) -> Iterator[SavedVehicle]:
@@ -212,9 +221,9 @@ class FleetMonitor:
                 if message.stream == "left":
                     self._arrivals.left(key, message.received_s)
                     continue
-                if message.stream == "given_up":
+                if message.stream in ("given_up", "dropped"):
                     ready.pop(key, None)
-                    self._give_up(key)
+                    self._give_up(key, message.stream == "given_up")
                     continue
                 known = self._vehicles.heard(key)
                 if known is None:

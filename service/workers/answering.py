@@ -27,7 +27,7 @@ from wingwatch.service.workers.messages import (
     WorkerState,
 )
 from wingwatch.telemetry import InboundMessage
-from wingwatch.telemetry.worker_keys import WorkerToken, token_key, worker_key
+from wingwatch.telemetry.worker_keys import worker_key
 
 __all__ = ["AnsweringMonitor", "AnsweringPorts", "ReportsPort", "WorkerAnswers"]
 
@@ -35,8 +35,8 @@ _LOG = logging.getLogger(__name__)
 _MOST_WAITING = 256
 _MOST_ACTIONS = 16
 _READERS, _ACTORS = 2, 4
-_SLOW = ("act", "release")
-"""Questions that wait for the database or for a disk."""
+_SLOW = ("act",)
+"""Questions that wait for the database."""
 
 
 class AnsweringMonitor(MonitorPort, Protocol):
@@ -72,10 +72,8 @@ class AnsweringPorts:
         state: what it says of itself.
         owns: whether a vehicle, by fleet and name, is watched here.
         announced: what vehicles have said of their aircraft, here or to others.
-        release: gives vehicles up, and returns once their states are written.
-        refresh: reads the alerts of a vehicle, by fleet and name, that is watched nowhere: another worker may have
-            changed them. It raises DatabaseError where they cannot be read.
-        capacity: what the worker takes beside others.
+        claim: takes a vehicle, by fleet and name, that is watched nowhere, with its alerts as the database has them. It
+            raises DatabaseError where it cannot be taken now.
     """
 
     def __init__(
@@ -85,17 +83,14 @@ class AnsweringPorts:
         state: Callable[[], WorkerState],
         owns: Callable[[str, str], bool] = lambda _fleet, _vehicle: True,
         announced: Callable[[], Sequence[InboundMessage]] = tuple,
-        release: Callable[[Sequence[tuple[str, str]]], None] = lambda _: None,
-        refresh: Callable[[str, str], None] = lambda _fleet, _vehicle: None,
-        capacity: float = 1.0,
+        claim: Callable[[str, str], None] = lambda _fleet, _vehicle: None,
     ) -> None:
         self.monitor, self.reports, self.state = monitor, reports, state
-        self.owns, self.announced, self.release = owns, announced, release
-        self.refresh, self.capacity = refresh, capacity
+        self.owns, self.announced, self.claim = owns, announced, claim
 
 
 class WorkerAnswers:
-    """Answers gateways, and shows that the worker lives; use it in a ``with`` statement.
+    """Answers gateways and other workers; use it in a ``with`` statement.
 
     What waits for the database or a disk has threads of its own: a worker whose database does not answer is still to
     answer.
@@ -108,6 +103,8 @@ class WorkerAnswers:
 
     Attributes:
         dropped: questions that found too many before them, or that could not be answered.
+
+    What other workers ask of vehicles that move is answered by ``ZenohMoves``.
     """
 
     def __init__(
@@ -137,20 +134,18 @@ class WorkerAnswers:
             "diagnosis_report": self._report,
             "announced": self._announced,
             "act": self._act,
-            "release": self._release,
-            "capacity": lambda _: forms.CAPACITY.encode(self._ports.capacity),
         }
 
     def __enter__(self) -> Self:
         heard = zenoh.handlers.Callback(self._heard, indirect=False)
         self._declared = [
-            self._session.declare_queryable(worker_key(self._name, "*"), heard),
-            self._session.liveliness().declare_token(token_key(WorkerToken.PRESENT, self._name)),
+            self._session.declare_queryable(worker_key(self._name, question), heard)
+            for question in self._answers
         ]
         return self
 
     def __exit__(self, *_: object) -> None:
-        for declared in reversed(self._declared):  # nobody asks for long who sees that the worker leaves
+        for declared in self._declared:
             declared.undeclare()
         self._asked.shutdown(wait=False, cancel_futures=True)
         self._acted.shutdown(wait=False, cancel_futures=True)
@@ -158,6 +153,8 @@ class WorkerAnswers:
     def _heard(self, query: Any) -> None:
         """In Zenoh's thread: have the question answered in another one."""
         question = str(query.key_expr).rpartition("/")[2]
+        if question not in self._answers:  # asked by an expression
+            return
         kind = "act" if question in _SLOW else "ask"
         with self._lock:
             full = self._waiting[kind] >= (_MOST_ACTIONS if kind == "act" else _MOST_WAITING)
@@ -173,14 +170,11 @@ class WorkerAnswers:
 
     def _answer(self, kind: str, question: str, query: Any) -> None:
         try:
-            answer = self._answers.get(question)
-            if answer is None:
-                raise forms.AnswerError(f"a worker is not asked {question[:80]!r}")
             payload = b"" if query.payload is None else query.payload.to_bytes()
-            query.reply(worker_key(self._name, question), answer(payload))
+            query.reply(worker_key(self._name, question), self._answers[question](payload))
         except Exception as error:  # one question's fault must not end the answers
             self.dropped += 1
-            _LOG.warning("question %s not answered: %s: %s", question[:80], type(error).__name__, error)
+            _LOG.warning("question %s not answered: %s: %s", question, type(error).__name__, error)
         finally:
             query.drop()
             with self._lock:
@@ -255,10 +249,6 @@ class WorkerAnswers:
             )
         )
 
-    def _release(self, payload: bytes) -> bytes:
-        self._ports.release(forms.VEHICLE_NAMES.decode(payload))
-        return b""
-
     def _act(self, payload: bytes) -> bytes:
         act = forms.ACT.decode(payload)
         return forms.ACTED.encode(self._acted_on(act))
@@ -269,7 +259,7 @@ class WorkerAnswers:
             return Acted(refused="late", why="the action has come too late; nothing has happened, try again")
         try:
             if not self._ports.owns(act.fleet, act.vehicle):
-                self._ports.refresh(act.fleet, act.vehicle)
+                self._ports.claim(act.fleet, act.vehicle)
             return Acted(
                 self._ports.monitor.act_on_alert(
                     act.alert_id, act.action, act.who, act.note, act.key, act.shelve_s

@@ -17,6 +17,9 @@ from wingwatch.service.workers.worker import running_worker
 
 __all__ = ["main"]
 
+_LEAVE_S = 1.0
+"""All workers of a command end with it; those of other machines take over what is left."""
+
 _MOST_BYTES = 1_000_000
 
 
@@ -34,7 +37,7 @@ def main() -> int:
     take_or_say()
     threading.Thread(target=_watch_parent, args=(end,), name="wingwatch-parent", daemon=True).start()
     try:
-        with running_worker(settings):
+        with running_worker(settings, leave_s=_LEAVE_S):
             end.wait()
     except Exception as error:
         sentence = user_error(error)

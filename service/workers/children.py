@@ -21,7 +21,6 @@ from wingwatch.service.loops import Loop
 from wingwatch.service.notify_settings import NotifyTable
 from wingwatch.service.settings import ServeSettings
 from wingwatch.telemetry import ZenohSettings
-from wingwatch.telemetry.worker_keys import new_worker_name
 
 __all__ = ["WorkerChildren", "child_settings"]
 
@@ -171,7 +170,7 @@ def child_settings(settings: ServeSettings, link: ZenohSettings, number: int) ->
             "connect": connect,
             "notify": NotifyTable(),
             "workers": 1,
-            "worker_name": f"w{number}-{new_worker_name()[:8]}",
+            "worker_name": f"w{number}",
             "record": None if settings.record is None else settings.record / f"worker-{number}",
             "data": settings.data.resolve(),
             "documents": None,

@@ -31,10 +31,9 @@ from wingwatch.service.workers.gateway_health import GatewayHealth, GatewayParts
 from wingwatch.service.workers.gateway_parts import JoinedDiagnoses, kernels_of, worker_views
 from wingwatch.service.workers.link import WorkerLink
 from wingwatch.service.workers.live import LiveWorkers
-from wingwatch.service.workers.ownership import first_in_order
 from wingwatch.service.workers.remote_fleet import RemoteFleet
+from wingwatch.service.workers.shares import Shares, Worker
 from wingwatch.telemetry import ZenohSettings, open_session
-from wingwatch.telemetry.worker_keys import WorkerToken
 
 __all__ = ["Gateway", "running_gateway"]
 
@@ -186,12 +185,16 @@ def _seen(
         notifications.hear(lambda: alert)
 
     live: LiveWorkers
-    fleet = RemoteFleet(WorkerLink(session), lambda: live.names, read_alerts, heard, _first)
-    live = stack.enter_context(LiveWorkers(session, WorkerToken.PRESENT, fleet.look_again))
+
+    def first(names: Sequence[str], of_fleet: str, vehicle: str) -> str:
+        """Whoever of some workers would watch a vehicle that none watches."""
+        capacities, states = live.capacities, fleet.states()
+        there = {name: states[name][0] for name in names if name in states}
+        loads = {name: 0.0 if state is None else state.view.load for name, state in there.items()}
+        able = {n: Worker(n, capacities[n], loads[n]) for n in loads if capacities.get(n, 0.0) > 0.0}
+        return Shares().target((of_fleet, vehicle), "", able) or names[0]
+
+    fleet = RemoteFleet(WorkerLink(session), lambda: live.names, read_alerts, heard, first)
+    live = stack.enter_context(LiveWorkers(session, fleet.look_again))
     stack.enter_context(fleet)
     return _Seen(session, link, fleet)
-
-
-def _first(workers: Sequence[str], fleet: str, vehicle: str) -> str:
-    """Whoever of some workers carries out what is asked of a vehicle that none watches."""
-    return first_in_order(dict.fromkeys(workers, 1.0), fleet, vehicle)

@@ -6,7 +6,7 @@ from typing import Any
 import zenoh
 
 from wingwatch.api import WorkerSilentError
-from wingwatch.telemetry.worker_keys import WORKER_ROOT, worker_key
+from wingwatch.telemetry.worker_keys import worker_key
 
 __all__ = ["PATIENCE_S", "WorkerLink"]
 
@@ -41,19 +41,6 @@ class WorkerLink:
         if not found:
             raise WorkerSilentError(f"worker {worker} has not answered within {patience_s:g} s; try again")
         return found[0]
-
-    def ask_all(self, question: str, payload: bytes, patience_s: float) -> int:
-        """Ask all workers, this process's own included, and wait; how many have answered."""
-        try:
-            replies: Any = self._session.get(
-                f"{WORKER_ROOT}/*/{question}",
-                payload=payload,
-                timeout=patience_s,
-                target=zenoh.QueryTarget.ALL,
-            )
-            return sum(reply.ok is not None for reply in replies)
-        except zenoh.ZError:
-            return 0
 
     def send(
         self, worker: str, question: str, payload: bytes, answered: Callable[[bytes | None], object]

@@ -19,7 +19,6 @@ __all__ = [
     "ACT",
     "ANNOUNCED",
     "ACTED",
-    "CAPACITY",
     "DERIVATIVES",
     "DIAGNOSES",
     "EXPECT",
@@ -30,7 +29,6 @@ __all__ = [
     "RECORD",
     "VEHICLE",
     "VEHICLE_NAME",
-    "VEHICLE_NAMES",
     "VIEWS",
     "Act",
     "Acted",
@@ -220,7 +218,6 @@ class Announced:
 NEWS_WANTED = Form[NewsWanted](NewsWanted)
 NEWS = Form[WorkerNews](WorkerNews)
 VEHICLE_NAME = Form[VehicleName](VehicleName)
-VEHICLE_NAMES = Form[tuple[tuple[str, str], ...]](tuple[tuple[str, str], ...])
 VIEWS = Form[tuple[VehicleView, ...]](tuple[VehicleView, ...])
 VEHICLE = Form[VehicleView | None](VehicleView | None)
 DERIVATIVES = Form[dict[str, Any] | None](dict[str, Any] | None)
@@ -231,5 +228,4 @@ EXPECTED = Form[tuple[_Rows, _Rows] | None](tuple[_Rows, _Rows] | None)
 ACT = Form[Act](Act)
 ACTED = Form[Acted](Acted)
 ANNOUNCED = Form[tuple[Announced, ...]](tuple[Announced, ...])
-CAPACITY = Form[float](float)
 DIAGNOSES = Form[tuple[DiagnosisView, ...]](tuple[DiagnosisView, ...])

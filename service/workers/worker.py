@@ -1,52 +1,71 @@
-"""A worker: a watch over the vehicles that are its own, asked over Zenoh; no HTTP, no port."""
+"""A worker: a watch over the vehicles that are its own, asked over Zenoh; no HTTP, no port.
+
+Which vehicles are its own its keeper decides, with the leases in the database (``watch_keeping``).
+"""
 
 import threading
 import time
 from base64 import b64decode
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Self
+
+import zenoh
 
 from wingwatch.api import WorkerSilentError
-from wingwatch.baselines import Database
-from wingwatch.monitor import AlertView, Outputs
+from wingwatch.baselines import DatabaseError, Lease, LeaseTable, VehicleName
+from wingwatch.monitor import AlertState, Outputs
 from wingwatch.monitor.ports import News
 from wingwatch.service.aircraft_registry import AircraftRegistry
 from wingwatch.service.ingest import IngestLoop
 from wingwatch.service.kernels import Preparation
-from wingwatch.service.patient import PatientReader
+from wingwatch.service.loops import Loop
 from wingwatch.service.settings import ServeSettings
-from wingwatch.service.stored_alerts import alert_view
-from wingwatch.service.watch import Watch, WatchPlan, begin_watch
+from wingwatch.service.watch import Watch, WatchPlan, begin_watch, connected
 from wingwatch.service.watch_health import WatchHealth
 from wingwatch.service.workers import messages as forms
 from wingwatch.service.workers.answering import AnsweringPorts, WorkerAnswers
 from wingwatch.service.workers.link import WorkerLink
-from wingwatch.service.workers.live import Capacities, LiveWorkers
+from wingwatch.service.workers.membership import Membership
 from wingwatch.service.workers.messages import AnswerError, WorkerState
-from wingwatch.service.workers.moves import MovesPorts, VehicleMoves
-from wingwatch.service.workers.ownership import ByOrder
+from wingwatch.service.workers.vehicle_watch import VehicleWatch
+from wingwatch.service.workers.watch_keeping import LEAVE_S, WatchKeeper
+from wingwatch.service.workers.watch_ports import KeeperPorts
+from wingwatch.service.workers.worker_moves import ZenohMoves
 from wingwatch.telemetry import PROTOBUF, InboundMessage, ServiceStream, encode_aircraft
-from wingwatch.telemetry.worker_keys import WorkerToken, check_worker, new_worker_name, token_key
+from wingwatch.telemetry.worker_keys import new_worker_name
 
 __all__ = ["Worker", "running_worker"]
 
-_ALERTS_OF_ONE = 1000
 _HEAR_S = 0.5
-_LEAVE_S = 1.5
-_RELEASE_S = 1.0
-_CAPACITY_S = 0.5
-_ALERTS_PATIENCE_S = 3.0
+_CLAIM_S = 2.0
+_LOOK_S = 0.02
+_LOAD_S = 1.0
+_END_S = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Keeping:
+    """What decides which vehicles are watched, and carries it out."""
+
+    keeper: WatchKeeper
+    members: Membership
+    vehicles: VehicleWatch
 
 
 class Worker:
     """What runs: its name, its watch, and what it says of itself."""
 
-    def __init__(self, name: str, watch: Watch, moves: VehicleMoves, capacity: float) -> None:
-        self.name = name
-        self._watch, self._moves, self._capacity = watch, moves, capacity
+    def __init__(self, watch: Watch, keeping: _Keeping, capacity: float) -> None:
+        self.name = keeping.keeper.me
+        self._watch, self._keeping, self._capacity = watch, keeping, capacity
         self._health = WatchHealth(watch, {})
+        self.loop = Loop(
+            "wingwatch-keeper", "the loop that keeps leases", self._keep, keeping.keeper.news.set
+        )
+        self._ending = threading.Event()
+        self._load_s = float("-inf")
 
     @property
     def ingest(self) -> IngestLoop:
@@ -80,17 +99,85 @@ class Worker:
     def state(self) -> WorkerState:
         """What it says of itself; it returns at once."""
         watch, figures = self._watch, self._watch.monitor.figures()
-        problems = {**self._health.problems(), "moves": self._moves.loop.problem}
+        keeper = self._keeping.keeper
+        problems = {**self._health.problems(), "leases": keeper.problem or self.loop.problem}
         counters = dict(self._health.counters())
-        counters["loop"] = {**counters["loop"], "restarts_moves": self._moves.loop.restarts}
+        counters["loop"] = {**counters["loop"], "restarts_leases": self.loop.restarts}
+        counts = keeper.counts
+        moves = {"taken": counts["taken"], "given": counts["released"], "lost": counts["lost"]}
         return WorkerState(
-            watch.as_worker(self.name, self._capacity, figures, self._moves.counts),
+            watch.as_worker(self.name, self._capacity, figures, moves),
             replace(figures, alerts={}),
             self._health.figures(),
             counters,
             {part: problem for part, problem in problems.items() if problem is not None},
             watch.preparation.view(),
         )
+
+    def __enter__(self) -> Self:
+        self.loop.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Hand all vehicles over, or give them up, their states written."""
+        self._ending.set()
+        self._keeping.keeper.leave()
+        self._keeping.keeper.left.wait(self._keeping.keeper.leave_s + _END_S)
+        self.loop.join(_END_S)
+
+    def claim(self, fleet: str, vehicle: str) -> None:
+        """Have a vehicle that is watched nowhere watched here.
+
+        Raises:
+            DatabaseError: it has not been taken in time; it may be another worker's.
+        """
+        self._keeping.vehicles.heard(fleet, vehicle)
+        until_s = time.monotonic() + _CLAIM_S
+        while not self._keeping.vehicles.watches(fleet, vehicle):
+            if time.monotonic() > until_s:
+                raise DatabaseError(
+                    f"'{vehicle}' of fleet '{fleet}' is not watched by the worker that was asked, so nothing has "
+                    "happened; try again"
+                )
+            time.sleep(_LOOK_S)
+
+    def _keep(self) -> None:
+        self._ending.wait(_HEAR_S)  # for the others' tokens
+        if not self._ending.is_set():
+            self._learn()
+        self._keeping.keeper.run(self._each_step)
+
+    def _each_step(self) -> None:
+        self._keeping.vehicles.tidy()
+        now_s = time.monotonic()
+        if now_s - self._load_s >= _LOAD_S:
+            self._load_s = now_s
+            with suppress(zenoh.ZError):  # without a link nobody hears it
+                self._keeping.members.say_load(self._load())
+
+    def _load(self) -> float:
+        """1.0 is all that it can do; more where vehicles are left out for it."""
+        left_out, size = self._watch.monitor.left_out, self._watch.monitor.size
+        return 1.0 + left_out / max(1, size) if left_out else self._watch.ingest.load
+
+    def _learn(self) -> None:
+        """What vehicles have said of their aircraft before this worker was there, from one that was."""
+        link = WorkerLink(self._watch.session)
+        for name in self._keeping.members.workers():
+            if name == self.name:
+                continue
+            with suppress(WorkerSilentError, AnswerError):
+                found = forms.ANNOUNCED.decode(link.ask(name, "announced", b""))
+                now_s = time.monotonic()
+                self._watch.subscriber.take_announcements(
+                    [
+                        InboundMessage(
+                            one.fleet, one.vehicle, "aircraft", b64decode(one.payload), one.encoding, now_s
+                        )
+                        for one in found
+                    ]
+                )
+                return
 
 
 @contextmanager
@@ -99,6 +186,7 @@ def running_worker(
     *,
     preparation: Preparation | None = None,
     wall_clock: Callable[[], float] = time.time,
+    leave_s: float = LEAVE_S,
 ) -> Iterator[Worker]:
     """Start a worker and end it on the way out.
 
@@ -106,56 +194,48 @@ def running_worker(
         settings: ``worker_name`` and ``capacity`` are its own; what is of HTTP is not used.
         preparation: as for ``running_service``.
         wall_clock: seconds since 1970-01-01 UTC.
+        leave_s: how long it waits at its end for others to take its vehicles.
 
     Raises:
         DatabaseError, LinkError, LinkSecurityError, AircraftFileError, CommandError, KeyNameError: one sentence each.
     """
-    name = check_worker(settings.worker_name or new_worker_name())
+    name = new_worker_name(settings.worker_name or "")
     with ExitStack() as stack:
         registry = AircraftRegistry(settings.aircraft)
-        live: LiveWorkers
-        link: WorkerLink
-        own = name, settings.capacity
-        capacities = Capacities(own, lambda: live.names, lambda other: _capacity_of(link, other))
-        moves = stack.enter_context(VehicleMoves(ByOrder(name, capacities.look)))
-        begun = threading.Event()
+        leases, begun = _Leases(), threading.Event()
+        vehicles = VehicleWatch(leases.forget)
         plan = WatchPlan(
-            preparation, wall_clock, lambda outputs: _BegunOutputs(outputs, begun), moves.heard, moves.owns
-        )
+            preparation=preparation, wall_clock=wall_clock, announcing=lambda outputs: _BegunOutputs(outputs, begun),
+            heard=vehicles.heard, owns=vehicles.watches, leases=leases,
+        )  # fmt: skip
         watch = begin_watch(stack, settings, registry, plan)
-        link = WorkerLink(watch.session)
-        live = stack.enter_context(LiveWorkers(watch.session, WorkerToken.ALIVE, moves.look_again))
-        worker = Worker(name, watch, moves, settings.capacity)
-        reader = PatientReader(_ALERTS_PATIENCE_S)
-
-        def alerts(fleet: str, vehicle: str) -> Sequence[AlertView]:
-            return reader.ask(lambda: _alerts_of(watch.database, fleet, vehicle))
-
-        moves.begin(
-            MovesPorts(
-                watch.monitor,
-                watch.subscriber,
-                watch.checkpoints.read,
-                alerts,
-                lambda vehicles: _released_by_others(link, name, live, vehicles),
-            )
-        )
-        ports = AnsweringPorts(
-            watch.monitor,
-            watch.diagnoses,
-            worker.state,
-            moves.owns,
-            watch.subscriber.announcements,
-            lambda vehicles: _release(watch, moves, vehicles),
-            lambda fleet, vehicle: watch.monitor.take_over(fleet, vehicle, None, alerts(fleet, vehicle)),
-            settings.capacity,
-        )
-        stack.enter_context(WorkerAnswers(watch.session, name, ports, wall_clock))
+        vehicles.begin(watch)
+        watch.monitor.tell_forgotten(vehicles.forgotten)
+        moves = ZenohMoves(watch.session, name)
+        members = Membership(
+            watch.session, name, settings.capacity, lambda: connected(watch.session, watch.link),
+            lambda: watch.ingest.problem is None, leases.look,
+        )  # fmt: skip
+        ports = KeeperPorts(LeaseTable(watch.database), members, vehicles, moves)
+        leases.keeper = WatchKeeper(name, ports, time.monotonic, leave_s)
+        worker = Worker(watch, _Keeping(leases.keeper, members, vehicles), settings.capacity)
+        answers = AnsweringPorts(
+            watch.monitor, watch.diagnoses, worker.state, vehicles.watches, watch.subscriber.announcements, worker.claim
+        )  # fmt: skip
+        stack.enter_context(WorkerAnswers(watch.session, name, answers, wall_clock))
+        stack.enter_context(moves)
+        moves.answer_from(leases.keeper)
         watch.subscriber.take_announcements(_announced_before(watch))
+        for alert in watch.monitor.alerts():
+            if (
+                alert.state is not AlertState.CLEARED
+            ):  # a person may act on it, whether its vehicle sends or not
+                vehicles.heard(alert.fleet, alert.vehicle)
         stack.callback(watch.ingest.stop)
         watch.ingest.start()
         begun.set()
-        stack.enter_context(_Joining(name, watch, live, moves))
+        stack.enter_context(members)
+        stack.enter_context(worker)
         yield worker
 
 
@@ -168,35 +248,34 @@ def _announced_before(watch: Watch) -> list[InboundMessage]:
     ]
 
 
-def _capacity_of(link: WorkerLink, worker: str) -> float:
-    try:
-        return forms.CAPACITY.decode(link.ask(worker, "capacity", b"", _CAPACITY_S))
-    except AnswerError as error:
-        raise WorkerSilentError(f"worker {worker} does not say its capacity: {error}") from None
+class _Leases:
+    """Implements ``VehicleLeases`` by the keeper, which begins after the store.
 
+    Attributes:
+        keeper: None before it has begun: until then no vehicle is watched.
+    """
 
-def _released_by_others(
-    link: WorkerLink, name: str, live: LiveWorkers, vehicles: Sequence[tuple[str, str]]
-) -> None:
-    """Have others give vehicles up that are this worker's by now; one that is frozen is waited for a second."""
-    if any(other != name for other in live.names):
-        link.ask_all("release", forms.VEHICLE_NAMES.encode(tuple(vehicles)), _RELEASE_S)
+    def __init__(self) -> None:
+        self.keeper: WatchKeeper | None = None
 
+    def lease_of(self, fleet: str, vehicle: str) -> Lease | None:
+        """The lease of a vehicle that is watched here."""
+        return None if self.keeper is None else self.keeper.lease_of(fleet, vehicle)
 
-def _release(watch: Watch, moves: VehicleMoves, vehicles: Sequence[tuple[str, str]]) -> None:
-    """Give vehicles up; returns once their last states are written, or after a second."""
-    moves.release(vehicles)
-    until_s = time.monotonic() + _RELEASE_S
-    while time.monotonic() < until_s and (
-        any(watch.monitor.knows(*key) and not moves.owns(*key) for key in vehicles)
-        or watch.checkpoints.waiting
-    ):
-        time.sleep(0.01)
+    def lost(self, fleet: str, vehicle: str, lease: Lease) -> None:
+        """The database has refused a write under this lease."""
+        if self.keeper is not None:
+            self.keeper.lost(fleet, vehicle, lease)
 
+    def forget(self, vehicles: Collection[VehicleName]) -> None:
+        """Nobody needs to watch these any more."""
+        if self.keeper is not None:
+            self.keeper.forget(vehicles)
 
-def _alerts_of(database: Database, fleet: str, vehicle: str) -> Sequence[AlertView]:
-    page = database.alerts(fleet=fleet, vehicle=vehicle, limit=_ALERTS_OF_ONE)
-    return [alert_view(record) for record in page.items]
+    def look(self) -> None:
+        """Something has changed that the keeper may wait for; returns at once."""
+        if self.keeper is not None:
+            self.keeper.news.set()
 
 
 class _BegunOutputs:
@@ -216,63 +295,3 @@ class _BegunOutputs:
     def ask_aircraft(self, fleet: str, vehicle: str) -> None:
         """Hand on."""
         self._outputs.ask_aircraft(fleet, vehicle)
-
-
-class _Joining:
-    """Has a worker join the others: at once where there are none, else as soon as it can take messages in.
-
-    Messages wait in the first worker while its kernels are being compiled, as in a service; beside others a worker that
-    cannot compute yet would only take vehicles away from those that can.
-    """
-
-    def __init__(self, name: str, watch: Watch, live: LiveWorkers, moves: VehicleMoves) -> None:
-        self._name, self._watch, self._live, self._moves = name, watch, live, moves
-        self._token: Any = None
-        self._ending = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="wingwatch-join", daemon=True)
-
-    def __enter__(self) -> "_Joining":
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Give up all vehicles, their states saved; the others take them over from there."""
-        self._ending.set()
-        self._thread.join(1.0)
-        self._moves.give_up_all()
-        until_s = time.monotonic() + _LEAVE_S
-        while time.monotonic() < until_s and self._watch.ingest.loop.alive and self._holds:
-            time.sleep(0.02)
-        if self._token is not None:
-            self._token.undeclare()
-
-    @property
-    def _holds(self) -> bool:
-        """Whether vehicles are still watched, or their states not yet written."""
-        return bool(self._watch.monitor.size) or not self._watch.checkpoints.idle
-
-    def _run(self) -> None:
-        self._ending.wait(_HEAR_S)  # for the others' tokens
-        self._learn()
-        while self._live.names and not self._ending.is_set() and not self._watch.ingest.wait(_HEAR_S):
-            continue
-        if not self._ending.is_set():
-            key = token_key(WorkerToken.ALIVE, self._name)
-            self._token = self._watch.session.liveliness().declare_token(key)
-
-    def _learn(self) -> None:
-        """What vehicles have said of their aircraft before this worker was there, from one that was."""
-        link = WorkerLink(self._watch.session)
-        for name in self._live.names:
-            with suppress(WorkerSilentError, AnswerError):
-                found = forms.ANNOUNCED.decode(link.ask(name, "announced", b""))
-                now_s = time.monotonic()
-                self._watch.subscriber.take_announcements(
-                    [
-                        InboundMessage(
-                            one.fleet, one.vehicle, "aircraft", b64decode(one.payload), one.encoding, now_s
-                        )
-                        for one in found
-                    ]
-                )
-                return

@@ -96,7 +96,8 @@ def fleet(tmp_path: Path) -> Iterator[Any]:
 
 
 def watchers(fleet: Any) -> dict[str, str | None]:
-    return {view.vehicle: view.worker for view in fleet.seen.vehicles()}
+    """By vehicle its worker, as that was named."""
+    return {view.vehicle: view.worker and view.worker[0] for view in fleet.seen.vehicles()}
 
 
 def accepted(fleet: Any) -> dict[str, int]:
@@ -167,4 +168,4 @@ def workers(fleet: Any) -> list[Any]:
 def ready(fleet: Any, name: str, worker: str | None) -> bool:
     """Whether a vehicle is watched by a worker, its state resumed."""
     view = fleet.seen.vehicle("default", name)
-    return view is not None and view.worker == worker and view.counts.get("accepted", 0) > 0
+    return view is not None and (view.worker or "?")[0] == worker and view.counts.get("accepted", 0) > 0

@@ -14,7 +14,7 @@ from worker_hall import Gateway, Reports, Said, until
 
 from wingwatch.service.workers.answering import AnsweringPorts, WorkerAnswers
 from wingwatch.telemetry import LinkSecurity, ZenohSettings, access_rules, open_session
-from wingwatch.telemetry.worker_keys import WorkerToken, token_key, worker_key
+from wingwatch.telemetry.worker_keys import token_key, worker_key
 
 
 @needs_openssl

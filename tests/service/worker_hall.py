@@ -18,7 +18,7 @@ from wingwatch.service.workers.live import LiveWorkers
 from wingwatch.service.workers.messages import WorkerState
 from wingwatch.service.workers.remote_fleet import RemoteFleet
 from wingwatch.telemetry import LinkSecurity, ZenohSettings, open_session
-from wingwatch.telemetry.worker_keys import WorkerToken
+from wingwatch.telemetry.worker_keys import token_key
 
 PATIENCE_S = 30.0
 
@@ -75,7 +75,7 @@ class Gateway:
         self.heard: list[AlertView] = []
         live: LiveWorkers
         self.fleet = RemoteFleet(WorkerLink(session), lambda: live.names, alerts, self.heard.append)
-        live = self._stack.enter_context(LiveWorkers(session, WorkerToken.PRESENT, self.fleet.look_again))
+        live = self._stack.enter_context(LiveWorkers(session, self.fleet.look_again))
         self._stack.enter_context(self.fleet)
 
     def close(self) -> None:
@@ -100,7 +100,9 @@ def worker(
             session, said.name, AnsweringPorts(monitor, reports or Reports(), said, **ports)
         )
         with answers:
+            token = session.liveliness().declare_token(token_key(said.name, 1.0))
             yield answers
+            token.undeclare()  # type: ignore[no-untyped-call]
 
 
 def plain(value: Any) -> Any:
