@@ -166,7 +166,7 @@ def test_what_is_no_token_and_no_load_is_counted(
 def test_names_and_capacities_that_cannot_be_are_refused(router: zenoh.Session) -> None:
     with pytest.raises(KeyNameError, match="worker 'A/b' is no valid name"):
         Membership(router, "A/b", 200, lambda: True)
-    with pytest.raises(ValueError, match="the capacity is 0; give a number from 0.001 to 1000"):
+    with pytest.raises(ValueError, match=r"the capacity is 0; give a number from 0\.001 to 1000"):
         Membership(router, "w1", 0, lambda: True)
     with pytest.raises(KeyNameError, match="the workers' tokens stand there"):
         Membership(router, "alive", 200, lambda: True)
@@ -177,12 +177,8 @@ def test_names_and_capacities_that_cannot_be_are_refused(router: zenoh.Session) 
     assert new_worker_name("hangar") != new_worker_name("hangar")
     assert worker_key(new_worker_name("hangar"), "release").startswith("wingwatch/workers/v1/hangar-")
     assert len(new_worker_name("w" * 54)) == 63
-    assert [token_key("w1", capacity)[-6:] for capacity in (0.0, 1.0, 2.5, 200)] == [
-        "e/w1/0",
-        "e/w1/1",
-        "w1/2.5",
-        "w1/200",
-    ]
+    shown = [token_key("w1", capacity).rpartition("/")[2] for capacity in (0.0, 1.0, 2.5, 200)]
+    assert shown == ["0", "1", "2.5", "200"]
 
 
 # -- what they say about vehicles ---------------------------------------------------------------------------
