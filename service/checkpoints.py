@@ -10,7 +10,6 @@ import hashlib
 import logging
 import os
 import threading
-import time
 from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -33,7 +32,6 @@ _LOG = logging.getLogger(__name__)
 _SUFFIX, _UNFINISHED = ".checkpoint", ".unfinished"
 _MOST_WAITING = 4  # half a megabyte each; those with news of an alert wait beyond it
 _END_S = 10.0
-_LEFT_S = 60.0
 
 
 class CheckpointFolder:
@@ -189,9 +187,8 @@ class CheckpointFolder:
         if not self._folder.is_dir():
             return []
         for left in self._folder.glob(f"*{_UNFINISHED}"):
-            with suppress(FileNotFoundError):
-                if time.time() - left.stat().st_mtime > _LEFT_S:  # a younger one may be another process's
-                    left.unlink(missing_ok=True)
+            if not _is_being_written(left):
+                left.unlink(missing_ok=True)
         paths = sorted(self._folder.glob(f"*{_SUFFIX}"), key=lambda path: path.stat().st_mtime_ns)
         for path in paths[: max(0, len(paths) - self._most)]:
             path.unlink(missing_ok=True)
@@ -252,6 +249,20 @@ class CheckpointFolder:
             oldest = next(iter(self._files))
             (self._folder / oldest).unlink(missing_ok=True)
             self._files.pop(oldest)
+
+
+def _is_being_written(unfinished: Path) -> bool:
+    """Whether another process of this machine may be writing a file: its number is the last part of the name."""
+    number = unfinished.stem.rpartition(".")[2]
+    if not number.isdigit() or int(number) == os.getpid():
+        return False
+    try:
+        os.kill(int(number), 0)
+    except ProcessLookupError:
+        return False
+    except OSError:  # of another user
+        return True
+    return True
 
 
 def _read(path: Path) -> bytes:

@@ -104,7 +104,10 @@ class Worker:
         counters = dict(self._health.counters())
         counters["loop"] = {**counters["loop"], "restarts_leases": self.loop.restarts}
         counts = keeper.counts
-        moves = {"taken": counts["taken"], "given": counts["released"], "lost": counts["lost"]}
+        moves = {
+            "taken": counts["taken"], "given": counts["released"],
+            "lost": counts["lost"], "failed": counts["failed_starts"],
+        }  # fmt: skip
         return WorkerState(
             watch.as_worker(self.name, self._capacity, figures, moves),
             replace(figures, alerts={}),

@@ -1,11 +1,12 @@
-"""Workers as processes that leave, freeze, wake and are killed, with alerts in force: what was told stands, and once."""
+"""Workers as processes that leave, freeze, wake and are killed with alerts in force: what was told stands, once."""
 
 import signal
 import time
 from pathlib import Path
 from typing import Any
 
-from worker_fleet import WorkerFleet, flown, worker_fleet
+import zenoh
+from worker_fleet import Told, WorkerFleet, flown, worker_fleet
 
 PATIENCE_S = 60.0
 FROZEN_S = 8.0
@@ -26,6 +27,20 @@ def watched_by_others(fleet: WorkerFleet, gone: str) -> dict[str, Any]:
     return fleet.vehicles()
 
 
+def test_solutions_that_go_back_in_time_again_and_again_are_of_two_workers() -> None:
+    with zenoh.open(
+        zenoh.Config.from_json5('{mode: "peer", scouting: {multicast: {enabled: false}}}')
+    ) as session:
+        told = Told(session)
+        for k, time_s in enumerate((1.0, 1.5, 2.0, 1.8, 2.3, 2.8)):  # taken over at the fourth
+            told.solved("v0", time_s, 0.1 * k)
+        assert told.twice == set()
+        for k, time_s in enumerate((1.0, 1.0, 1.5, 1.5)):
+            told.solved("v1", time_s, 0.1 * k)
+        assert told.twice == {"v1"}
+        assert told.solutions == 10
+
+
 def test_what_was_told_stands_once_through_an_end_in_order_a_freeze_and_a_kill(tmp_path: Path) -> None:
     with worker_fleet(tmp_path, "a", "b") as fleet:
         fleet.until(lambda: fleet.watched(0.0, fleet.workers))
@@ -36,7 +51,9 @@ def test_what_was_told_stands_once_through_an_end_in_order_a_freeze_and_a_kill(t
         before, leaving = fleet.vehicles(), owner_of_one(fleet)
         fleet.signal(leaving, signal.SIGTERM)
         handed = watched_by_others(fleet, leaving)
-        assert all(handed[name]["counts"]["accepted"] >= before[name]["counts"]["accepted"] for name in before)
+        assert all(
+            handed[name]["counts"]["accepted"] >= before[name]["counts"]["accepted"] for name in before
+        )
         assert [handed[name]["state"] for name in ("v0", *ILL)] == ["healthy", "degraded", "degraded"]
 
         fleet.start("c")
