@@ -26,6 +26,8 @@ from wingwatch.api.ports import (
     ServiceFigures,
     StudyPort,
     StudyView,
+    WorkerSilentError,
+    WorkerView,
 )
 from wingwatch.api.schemas import (
     AlertDocument,
@@ -94,6 +96,8 @@ __all__ = [
     "ServiceFigures",
     "StudyPort",
     "StudyView",
+    "WorkerSilentError",
+    "WorkerView",
     "HistoryPort",
     "KernelPart",
     "KernelState",

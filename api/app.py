@@ -1,7 +1,7 @@
 """The application: every route, its errors as problem documents, and the status page."""
 
 import secrets
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -27,6 +27,7 @@ from wingwatch.api.ports import (
     KernelsView,
     ServiceFigures,
     StudyPort,
+    WorkerView,
 )
 from wingwatch.api.problems import PROBLEM_RESPONSES, install_problem_handlers
 from wingwatch.api.schemas import Problem
@@ -65,6 +66,8 @@ class AppSettings:
         baselines: the baseline database; None where there is none.
         documents: folder of the documents' site, served at ``/help``; None where there is none.
         studies: finished ones; None where none are shown.
+        workers: processes that watch vehicles, by name; it returns at once.
+        waits: whether the monitor's answers about one vehicle take time, as those of another process do.
     """
 
     access: AccessSettings = field(default_factory=AccessSettings)
@@ -79,6 +82,8 @@ class AppSettings:
     baselines: BaselinePort | None = None
     documents: Path | None = None
     studies: StudyPort | None = None
+    workers: Callable[[], Sequence[WorkerView]] = tuple
+    waits: bool = False
 
 
 def create_app(
@@ -121,6 +126,8 @@ def create_app(
         settings.figures,
         settings.baselines,
         settings.studies,
+        settings.workers,
+        settings.waits,
     )
     app = FastAPI(
         title="wingwatch",

@@ -1,8 +1,11 @@
 """What every route may use: the ports behind the door, and the questions that several routes ask them."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from http import HTTPStatus
+from typing import TypeVar
+
+from starlette.concurrency import run_in_threadpool
 
 from wingwatch.aircraft import Aircraft
 from wingwatch.api.events import EventStreams
@@ -13,11 +16,14 @@ from wingwatch.api.ports import (
     KernelsView,
     ServiceFigures,
     StudyPort,
+    WorkerView,
 )
 from wingwatch.api.problems import ProblemError
 from wingwatch.monitor.views import MonitorPort, VehicleView
 
 __all__ = ["Door"]
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +42,8 @@ class Door:
         figures: the service in numbers.
         baselines: None where there is no baseline database.
         studies: None where none are shown.
+        workers: processes that watch vehicles, by name.
+        waits: whether the monitor's answers about one vehicle take time.
     """
 
     monitor: MonitorPort
@@ -52,6 +60,12 @@ class Door:
     figures: Callable[[], ServiceFigures] = ServiceFigures
     baselines: BaselinePort | None = None
     studies: StudyPort | None = None
+    workers: Callable[[], Sequence[WorkerView]] = tuple
+    waits: bool = False
+
+    async def asked(self, question: Callable[[], T]) -> T:
+        """The answer to a question about one vehicle: in a thread where it takes time, else at once."""
+        return await run_in_threadpool(question) if self.waits else question()
 
     def vehicle(self, fleet: str, vehicle: str) -> VehicleView:
         """One vehicle.

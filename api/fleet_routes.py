@@ -31,8 +31,9 @@ from wingwatch.api.schemas import (
     status_document,
     vehicle_document,
 )
+from wingwatch.api.worker_schemas import WorkerList, worker_document
 from wingwatch.baselines import HistoryWanted
-from wingwatch.monitor.views import AlertGroupView, AlertState, VehicleView
+from wingwatch.monitor.views import AlertGroupView, AlertState, ManoeuvreView, VehicleView
 
 __all__ = ["fleet_router"]
 
@@ -98,28 +99,30 @@ def fleet_router(door: Door) -> APIRouter:
     def fleet(query: Annotated[FleetQuery, Query()]) -> Response:
         return json_answer(_fleet(door, query.fleet))
 
+    @router.get("/fleet/workers", response_model=WorkerList, summary="Processes that watch vehicles")
+    async def workers() -> Response:
+        return json_answer(WorkerList(items=[worker_document(view) for view in door.workers()]))
+
     @router.get("/vehicles", response_model=VehicleList, summary="All vehicles, worst first")
     def vehicles(query: Annotated[FleetQuery, Query()]) -> Response:
         return json_answer(VehicleList(items=[vehicle_document(v) for v in _vehicles(door, query.fleet)]))
 
     @router.get("/vehicles/{vehicle}", response_model=VehicleDocument, summary="One vehicle")
     async def vehicle(vehicle: Name, query: Annotated[VehicleQuery, Query()]) -> Response:
-        return json_answer(vehicle_document(door.vehicle(query.fleet, vehicle)))
+        return json_answer(vehicle_document(await door.asked(lambda: door.vehicle(query.fleet, vehicle))))
 
     @router.get(
         "/vehicles/{vehicle}/derivatives", response_model=DerivativesDocument, summary="Current derivatives"
     )
     async def derivatives(vehicle: Name, query: Annotated[DerivativesQuery, Query()]) -> Response:
-        return json_answer(_derivatives(door, vehicle, query))
+        return json_answer(await door.asked(lambda: _derivatives(door, vehicle, query)))
 
     @router.get(
         "/vehicles/{vehicle}/manoeuvres", response_model=ManoeuvreList, summary="Its last ten manoeuvres"
     )
     async def manoeuvres(vehicle: Name, query: Annotated[VehicleQuery, Query()]) -> Response:
-        found = door.monitor.manoeuvres(query.fleet, vehicle)
-        if found is None:
-            door.vehicle(query.fleet, vehicle)
-        return json_answer(ManoeuvreList(items=[manoeuvre_document(view) for view in found or ()]))
+        found = await door.asked(lambda: _manoeuvres(door, query.fleet, vehicle))
+        return json_answer(ManoeuvreList(items=[manoeuvre_document(view) for view in found]))
 
     @router.get(
         "/vehicles/{vehicle}/derivatives/history",
@@ -135,6 +138,13 @@ def fleet_router(door: Door) -> APIRouter:
         return _history(door, vehicle, query, accept)
 
     return router
+
+
+def _manoeuvres(door: Door, fleet: str, vehicle: str) -> Sequence[ManoeuvreView]:
+    found = door.monitor.manoeuvres(fleet, vehicle)
+    if found is None:
+        door.vehicle(fleet, vehicle)
+    return found or ()
 
 
 def _vehicles(door: Door, fleet: str | None) -> list[VehicleView]:

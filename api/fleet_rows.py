@@ -44,6 +44,7 @@ class FleetRow(BaseModel):
     altitude_m: float | None
     latitude_deg: float | None = Field(description="null where the vehicle does not send it")
     longitude_deg: float | None
+    worker: str | None = Field(default=None, description="as of /v1/vehicles/{id}")
 
 
 class FleetDocument(BaseModel):
@@ -81,6 +82,7 @@ def fleet_row(view: VehicleView) -> FleetRow:
         altitude_m=quantity(view.condition.get("altitude_m")),
         latitude_deg=None if position is None else position.latitude_deg,
         longitude_deg=None if position is None else position.longitude_deg,
+        worker=view.worker,
     )
 
 

@@ -1,11 +1,11 @@
 """The service in numbers for Prometheus: ``/metrics``, made anew at each question from what is counted anyway.
 
-Every counter of ``/v1/status`` is among them. Labels take a few fixed values: no vehicle, token or address is named, so
-the number of series does not grow with the fleet.
+Every counter of ``/v1/status`` is among them. Labels take a few fixed values, and names of workers: no vehicle, token
+or address is named, so the number of series does not grow with the fleet.
 """
 
 import platform
-from collections.abc import Iterator, Mapping, MutableMapping
+from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
 from itertools import accumulate
 from typing import Annotated, Any
 
@@ -24,7 +24,7 @@ from prometheus_client.registry import Collector
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from wingwatch.api.door import Door
-from wingwatch.api.ports import ServiceFigures
+from wingwatch.api.ports import ServiceFigures, WorkerView
 from wingwatch.monitor.views import AlertState, FleetFigures, VehicleState
 
 __all__ = ["RequestCounts", "ServiceMetrics", "metrics_router"]
@@ -55,6 +55,11 @@ _COUNTERS: Mapping[str, tuple[str, str, str]] = {
     "access": ("http_requests_refused", "reason", "Requests that were refused before they reached a route."),
     "connections": ("http_connections_closed", "reason", "HTTP connections that the service closed."),
     "events": ("event_streams_closed", "reason", "Event streams that the service ended."),
+    "workers": (
+        "worker_link",
+        "kind",
+        "Workers that were started again, and answers of workers that did not come.",
+    ),
 }
 """Of each part in ``counters`` of ``/v1/status`` the metric, the label for its counters, and what it says."""
 
@@ -174,6 +179,7 @@ class ServiceMetrics(Collector):
         yield _gauges("part_failing", "part", "1 where a part of the service does not work.", {
             part: float(problem is not None) for part, problem in door.problems().items()
         })  # fmt: skip
+        yield from _of_workers(door.workers())
         yield _gauge("event_streams", "Event streams that are open.", door.streams.open)
         requests = CounterMetricFamily(
             "wingwatch_http_requests", "Requests that were answered.", labels=("method", "status")
@@ -181,6 +187,27 @@ class ServiceMetrics(Collector):
         for key, times in sorted((_ALWAYS | dict(self._requests)).items()):
             requests.add_metric(key, times)
         yield requests
+
+
+def _of_workers(workers: Sequence[WorkerView]) -> Iterator[Metric]:
+    """By worker: there are as many as were started, and no vehicle is named."""
+    gauges: tuple[tuple[str, str, Callable[[WorkerView], float]], ...] = (
+        ("worker_load", "Part of the last ten seconds in which a worker took messages in.", lambda w: w.load),
+        ("worker_capacity", "What a worker takes beside others.", lambda w: w.capacity),
+        ("worker_vehicles", "Vehicles that a worker watches.", lambda w: w.vehicles),
+        ("worker_vehicles_left_out", "Of these, those that it leaves out.", lambda w: w.left_out),
+        ("worker_behind_seconds", "How long a worker's oldest message has waited.", lambda w: w.behind_s),
+        ("worker_silent_seconds", "For how long a worker has not answered.", lambda w: w.silent_s),
+    )
+    for name, text, value in gauges:
+        yield _gauges(name, "worker", text, {worker.name: value(worker) for worker in workers})
+    moves = CounterMetricFamily(
+        "wingwatch_worker_moves", "Vehicles that a worker took over and gave up.", labels=("worker", "kind")
+    )
+    for worker in workers:
+        for kind, times in worker.moves.items():
+            moves.add_metric((worker.name, kind), times)
+    yield moves
 
 
 def _of_fleet(fleet: FleetFigures) -> Iterator[Metric]:

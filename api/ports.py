@@ -26,6 +26,8 @@ __all__ = [
     "ServiceFigures",
     "StudyPort",
     "StudyView",
+    "WorkerSilentError",
+    "WorkerView",
 ]
 
 
@@ -250,6 +252,36 @@ class ServiceFigures:
     links: Mapping[str, int] = field(default_factory=dict)
     processor_s: Mapping[str, float] = field(default_factory=dict)
     connections: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class WorkerView:
+    """A worker: a process that watches vehicles.
+
+    Attributes:
+        host, pid: where it runs.
+        load: part of the last ten seconds in which it took messages in; at 1 it can take no more.
+        capacity: what it takes beside others, as it was set.
+        vehicles: that it watches; left_out: those of them that it leaves out, because it is overloaded.
+        behind_s: how long the oldest message has waited.
+        moves: vehicles ``taken`` over and ``given`` up since it started.
+        silent_s: for how long it has not answered; 0 where it does.
+    """
+
+    name: str
+    host: str
+    pid: int
+    load: float
+    capacity: float
+    vehicles: int
+    left_out: int = 0
+    behind_s: float = 0.0
+    moves: Mapping[str, int] = field(default_factory=dict)
+    silent_s: float = 0.0
+
+
+class WorkerSilentError(Exception):
+    """The worker that watches a vehicle does not answer; one sentence."""
 
 
 @dataclass(frozen=True, slots=True)

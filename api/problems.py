@@ -13,6 +13,7 @@ from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from wingwatch.api.answers import JsonResponse
+from wingwatch.api.ports import WorkerSilentError
 from wingwatch.api.schemas import FieldProblem, Problem
 from wingwatch.baselines import DatabaseError
 
@@ -103,7 +104,8 @@ def install_problem_handlers(app: FastAPI) -> None:
     app.add_exception_handler(ProblemError, _refused)
     app.add_exception_handler(RequestValidationError, _invalid)
     app.add_exception_handler(HTTPException, _http)
-    app.add_exception_handler(DatabaseError, _database)
+    app.add_exception_handler(DatabaseError, _unavailable)
+    app.add_exception_handler(WorkerSilentError, _unavailable)
     app.add_middleware(FaultGuard)
 
 
@@ -143,8 +145,9 @@ async def _invalid(request: Request, error: Exception) -> Response:
     return _document(request, problem.model_copy(update={"errors": fields}))
 
 
-async def _database(request: Request, error: Exception) -> Response:
-    sentence = str(error).rstrip(".") + "."
+async def _unavailable(request: Request, error: Exception) -> Response:
+    text = str(error).rstrip(".")
+    sentence = f"{text[:1].upper()}{text[1:]}." if isinstance(error, WorkerSilentError) else f"{text}."
     return _document(request, _problem(HTTPStatus.SERVICE_UNAVAILABLE, sentence))
 
 

@@ -203,6 +203,9 @@ class VehicleDocument(_Answer):
     proposed_input: ProposedInputDocument | None = Field(
         default=None, description="an input that would help, where `serve --excite` proposes one; null else"
     )
+    worker: str | None = Field(
+        default=None, description="the worker that watches it; null where the service itself does, or nobody"
+    )
 
 
 class VehicleList(_Answer):
@@ -496,6 +499,7 @@ def vehicle_document(view: VehicleView) -> VehicleDocument:
         could_see=could_see_documents(view.could_see),
         unseen_surfaces=list(view.unseen_surfaces),
         proposed_input=None if view.proposed_input is None else proposed_input_document(view.proposed_input),
+        worker=view.worker,
     )
 
 

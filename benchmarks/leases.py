@@ -29,7 +29,7 @@ from wingwatch.baselines import (
     open_database,
 )
 from wingwatch.baselines.tables import VehicleLeaseRow, WorkerLeaseRow
-from wingwatch.service.shares import Shares, Situation, Worker
+from wingwatch.service.workers.shares import Shares, Situation, Worker
 
 REPETITIONS = 9
 NEXT_S = itertools.count(100.0, 100.0)

@@ -7,19 +7,22 @@ behind REST is behind what was sent at the end, how long REST took meanwhile, th
 vehicle-sample by thread, and its memory. Times are of a machine that also sends and asks. ``--stages`` tells what the
 thread that takes messages in spends its time on; that costs it a twentieth of it.
 
+``--workers 1 2`` compares the service itself with a gateway and two processes that watch; processor time and memory are
+of all of them.
+
 Run: python benchmarks/live_fleet.py [--vehicles 3 15] [--seconds 30] [--samples-per-message 10] [--over 0] [--stages]
-       [--stored]
+       [--stored] [--workers 1 2]
 """
 
 import argparse
 import functools
-import resource
 import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
+from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -27,6 +30,7 @@ from unittest import mock
 
 import httpx
 import numpy as np
+from fleet_usage import Usage, all_ready, usage_of_service, usage_of_workers
 from loopback import free_endpoint
 from saving import run_benchmark
 from service_child import beside
@@ -37,8 +41,9 @@ from wingwatch.estimators import EkfEstimator, FourierEstimator, Signals, Validi
 from wingwatch.monitor import FleetMonitor, VehicleMonitor
 from wingwatch.monitor.detection.judge import Judge
 from wingwatch.monitor.fleet import sample_way
-from wingwatch.service.service import running_service
+from wingwatch.service.service import Service, running_service
 from wingwatch.service.settings import ServeSettings
+from wingwatch.service.workers.gateway import Gateway, running_gateway
 from wingwatch.simulation import FleetSimulation, Scenario, doublet_schedule
 from wingwatch.telemetry import (
     JSON,
@@ -55,7 +60,9 @@ from wingwatch.telemetry import (
 RATE_HZ = 50.0
 FLIGHTS = 32
 """Different flights; further vehicles repeat them."""
-COMPILE_S, PATIENCE_S, ARRIVE_S = 300.0, 30.0, 1.0
+COMPILE_S, PATIENCE_S, ARRIVE_S = 300.0, 30.0, 2.5
+EACH_S = 0.01
+"""Between announcements and first samples, for each vehicle: workers take them over one after the other."""
 ASK_EVERY_S, FLEET_EVERY_S = 0.1, 2.0
 INGEST = "wingwatch-pump"
 THREADS = (
@@ -109,19 +116,6 @@ class Stopwatch:
 
 
 @dataclass(frozen=True, slots=True)
-class Usage:
-    """What the service has used and taken in so far."""
-
-    stages_s: dict[str, float]
-    threads_s: dict[str, float]
-    processor_s: float
-    resident_bytes: int
-    peak_bytes: int
-    received: int
-    problems: dict[str, int]
-
-
-@dataclass(frozen=True, slots=True)
 class Course:
     """One run.
 
@@ -151,37 +145,38 @@ class Course:
     problems: dict[str, int]
 
 
-def serve(endpoint: str, folder: str, stages: bool, stored: bool, asked: Connection) -> None:
-    """The service, until the connection closes; each thing received is answered with the usage so far."""
+def serve(
+    endpoint: str, folder: str, stages: bool, stored: bool, workers: int, diagnose: bool, asked: Connection
+) -> None:
+    """The service, until the connection closes; each thing received is answered with the usage so far.
+
+    With several workers it is a gateway and that many processes; what each process has used stands in the place of
+    threads then.
+    """
     watch = Stopwatch()
-    settings = ServeSettings(port=0, listen=(endpoint,), data=Path(folder))
+    settings = ServeSettings(
+        port=0, listen=(endpoint,), data=Path(folder), workers=workers, diagnose_alerts=diagnose
+    )
     if stored:
         store_baseline(settings.where)
     with ExitStack() as stack:
         for stage, places in STAGES.items() if stages else ():
             for owner, name in places:
                 stack.enter_context(mock.patch.object(owner, name, watch.timed(stage, getattr(owner, name))))
-        service = stack.enter_context(running_service(settings))
-        asked.send(service.url if service.ingest.wait(COMPILE_S) else None)
+        running: Service | Gateway
+        if workers == 1:
+            service = running = stack.enter_context(running_service(settings))
+            used = partial(usage_of_service, service, watch.spent_s)
+        else:
+            gateway = running = stack.enter_context(running_gateway(settings, workers=workers))
+            used = partial(usage_of_workers, gateway)
+        asked.send(running.url if all_ready(running, workers, COMPILE_S) else None)
         while True:
             try:
                 asked.recv()
             except EOFError:
                 return
-            counters = service.counters()
-            dropped = {
-                f"{part}: {name}": n
-                for part, counts in counters.items()
-                for name, n in counts.items()
-                if n and name != "received"
-            }
-            peak_bytes = 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-            asked.send(
-                Usage(
-                    dict(watch.spent_s), _threads_s(), time.process_time(), _resident_bytes(), peak_bytes,
-                    counters["messages"]["received"], dropped,
-                )
-            )  # fmt: skip
+            asked.send(used())
 
 
 def store_baseline(where: str) -> None:
@@ -192,22 +187,6 @@ def store_baseline(where: str) -> None:
             for point in apriori_envelope(aircraft, structure).points:
                 flown = replace(point, provenance=Provenance.IDENTIFIED, source="identified in flight")
                 database.put_expectation(ExpectationRecord.of(aircraft.name, flown, 0.0))
-
-
-def _threads_s() -> dict[str, float]:
-    """Processor time of this process's own threads so far; Zenoh's are not among them."""
-    spent_s = {}
-    for thread in threading.enumerate():
-        nanoseconds = (
-            Path(f"/proc/self/task/{thread.native_id}/schedstat").read_text(encoding="ascii").split()[0]
-        )
-        spent_s[thread.name] = 1e-9 * int(nanoseconds)
-    return spent_s
-
-
-def _resident_bytes() -> int:
-    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
-    return pages * resource.getpagesize()
 
 
 def payloads(vehicles: int, seconds: float, samples: int) -> list[list[bytes]]:
@@ -275,13 +254,15 @@ def send(
         moments.poll(PATIENCE_S)
 
 
-def ask(url: str, vehicles: int, ended: Callable[[], bool]) -> tuple[list[float], list[float]]:
+def ask(url: str, vehicles: int, ended: Callable[[], bool]) -> tuple[list[float], list[float], int]:
     """Ask for one vehicle's derivatives by turns, and now and then for the fleet, until the end.
 
     Returns:
-        seconds from each question's moment to its answer, of one vehicle and of the fleet.
+        seconds from each question's moment to its answer, of one vehicle and of the fleet, and how many were answered
+        that the vehicle's worker does not answer.
     """
     one_s: list[float] = []
+    unanswered = 0
     fleet_s: list[float] = []
     rng = np.random.default_rng(0)
     with httpx.Client(timeout=PATIENCE_S, base_url=url) as client:
@@ -294,10 +275,13 @@ def ask(url: str, vehicles: int, ended: Callable[[], bool]) -> tuple[list[float]
                 fleet_s.append(time.monotonic() - begin_s)
                 fleet_due_s = begin_s + FLEET_EVERY_S
             begin_s = time.monotonic()
-            client.get(f"/v1/vehicles/v{rng.integers(vehicles)}/derivatives").raise_for_status()
+            answer = client.get(f"/v1/vehicles/v{rng.integers(vehicles)}/derivatives")
+            unanswered += answer.status_code == httpx.codes.SERVICE_UNAVAILABLE
+            if answer.status_code != httpx.codes.SERVICE_UNAVAILABLE:
+                answer.raise_for_status()
             one_s.append(time.monotonic() - begin_s)
             due_s = begin_s + ASK_EVERY_S
-    return one_s, fleet_s
+    return one_s, fleet_s, unanswered
 
 
 def behind(url: str, last_s: Sequence[float]) -> list[float]:
@@ -324,20 +308,22 @@ def course(
     *,
     stages: bool = False,
     stored: bool = False,
+    workers: int = 1,
+    diagnose: bool = True,
 ) -> Course:
     """One run with so many vehicles against a service of its own, its stages timed or not, a baseline stored or not."""
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory())
         endpoint = free_endpoint()
-        service = stack.enter_context(beside(serve, endpoint, folder, stages, stored))
+        service = stack.enter_context(beside(serve, endpoint, folder, stages, stored, workers, diagnose))
         url = _received(service, COMPILE_S + PATIENCE_S)
         if url is None:
             raise TimeoutError(f"the kernels were not compiled within {COMPILE_S:g} s; run it again")
         sender = stack.enter_context(beside(send, endpoint, vehicles, seconds, samples, over_s))
         _received(sender, COMPILE_S)
         before = _usage(service)
-        sender.send(time.monotonic() + 0.5)
-        answers_s, fleet_s = ask(url, vehicles, sender.poll)
+        sender.send(time.monotonic() + 0.5 + vehicles * EACH_S)
+        answers_s, fleet_s, unanswered = ask(url, vehicles, sender.poll)
         sent, late_s = _received(sender, PATIENCE_S)
         messages = round(seconds * RATE_HZ) // samples
         late = behind(
@@ -352,7 +338,8 @@ def course(
         vehicles, sent, sent + announced - after.received, late, answers_s, fleet_s, late_s,
         _each_us(before.stages_s, after.stages_s, taken), _each_us(before.threads_s, after.threads_s, taken),
         1e6 * (after.processor_s - before.processor_s) / taken,
-        after.peak_bytes, (after.resident_bytes - before.resident_bytes) / vehicles, after.problems,
+        after.peak_bytes, (after.resident_bytes - before.resident_bytes) / vehicles,
+        after.problems | ({"REST: unanswered": unanswered} if unanswered else {}),
     )  # fmt: skip
 
 
@@ -390,36 +377,18 @@ def report(run: Course) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="How many vehicles one service watches live.")
-    parser.add_argument(
-        "--vehicles", type=int, nargs="+", default=[3, 15, 50, 150, 300], help="numbers to try"
-    )
-    parser.add_argument("--seconds", type=float, default=30.0, help="of flight, in real time; at least 5")
-    parser.add_argument("--samples-per-message", type=int, default=10, help="1 to 100")
-    parser.add_argument(
-        "--over", type=float, default=0.0, help="seconds over which the vehicles begin, one after the other"
-    )
-    parser.add_argument(
-        "--stages", action="store_true", help="time by stage as well, which costs a twentieth"
-    )
-    parser.add_argument(
-        "--stored", action="store_true", help="with a baseline of the aircraft in the database"
-    )
-    arguments = parser.parse_args()
-    if not 5.0 <= arguments.seconds <= 3600.0:
-        parser.error(f"--seconds is {arguments.seconds}; give 5 to 3600")
-    if not 0.0 <= arguments.over <= arguments.seconds - 5.0:
-        parser.error(
-            f"--over is {arguments.over}; give 0 to 5 less than --seconds, {arguments.seconds - 5.0}"
-        )
-    if not all(1 <= n <= 5000 for n in arguments.vehicles):
-        parser.error(f"--vehicles are {arguments.vehicles}; give 1 to 5000 each")
-    if not 1 <= arguments.samples_per_message <= 100:
-        parser.error(f"--samples-per-message is {arguments.samples_per_message}; give 1 to 100")
+    arguments = parsed()
     print(
         f"vehicles at {RATE_HZ:g} Hz for {arguments.seconds:g} s, {arguments.samples_per_message} samples a message, "
         f"every other one in JSON, beginning over {arguments.over:g} s"
     )
+    for workers in arguments.workers:
+        watched(arguments, workers)
+
+
+def watched(arguments: argparse.Namespace, workers: int) -> None:
+    """All numbers of vehicles with so many workers, and the tables of them."""
+    print(f"\n{'the service itself' if workers == 1 else f'a gateway and {workers} workers'}")
     groups = ("behind, s", "one vehicle, ms", "fleet, ms")
     print(
         f"{'':24}"
@@ -435,16 +404,12 @@ def main() -> None:
         runs.append(
             course(
                 n, arguments.seconds, arguments.samples_per_message, arguments.over,
-                stages=arguments.stages, stored=arguments.stored,
+                stages=arguments.stages, stored=arguments.stored, workers=workers,
+                diagnose=not arguments.no_diagnose_alerts,
             )
         )  # fmt: skip
         report(runs[-1])
-    print("\nprocessor time of the service, us a vehicle-sample")
-    print(f"{'vehicles':>21}" + "".join(f"{run.vehicles:9d}" for run in runs))
-    for thread in THREADS:
-        print(f"{thread:>21}" + "".join(f"{run.threads_us.get(thread, 0.0):9.1f}" for run in runs))
-    rest = [run.all_us - sum(run.threads_us.get(t, 0.0) for t in THREADS) for run in runs]
-    print(f"{'REST, Zenoh and else':>21}" + "".join(f"{us:9.1f}" for us in rest))
+    of_parts(runs, THREADS if workers == 1 else ("gateway", *(f"worker {k + 1}" for k in range(workers))))
     if arguments.stages:
         print(f"\nof these {INGEST} by stage")
         for stage in STAGES:
@@ -452,6 +417,45 @@ def main() -> None:
     for run in runs:
         if run.problems:
             print(f"{run.vehicles} vehicles: " + ", ".join(f"{k} {n}" for k, n in run.problems.items()))
+
+
+def of_parts(runs: Sequence[Course], parts: Sequence[str]) -> None:
+    """Print what each thread, or each process, has cost."""
+    print("\nprocessor time of the service, us a vehicle-sample")
+    print(f"{'vehicles':>21}" + "".join(f"{run.vehicles:9d}" for run in runs))
+    for part in parts:
+        print(f"{part:>21}" + "".join(f"{run.threads_us.get(part, 0.0):9.1f}" for run in runs))
+    rest = [run.all_us - sum(run.threads_us.get(part, 0.0) for part in parts) for run in runs]
+    print(f"{'REST, Zenoh and else':>21}" + "".join(f"{us:9.1f}" for us in rest))
+
+
+def parsed() -> argparse.Namespace:
+    """The command's arguments, checked."""
+    parser = argparse.ArgumentParser(description="How many vehicles one service watches live.")
+    add = parser.add_argument
+    add("--vehicles", type=int, nargs="+", default=[3, 15, 50, 150, 300], help="numbers to try")
+    add("--seconds", type=float, default=30.0, help="of flight, in real time; at least 5")
+    add("--samples-per-message", type=int, default=10, help="1 to 100")
+    add("--over", type=float, default=0.0, help="seconds over which the vehicles begin, one after the other")
+    add("--stages", action="store_true", help="time by stage as well, which costs a twentieth")
+    add("--stored", action="store_true", help="with a baseline of the aircraft in the database")
+    add("--workers", type=int, nargs="+", default=[1], help="processes that watch; 1: the service itself")
+    add("--no-diagnose-alerts", action="store_true", help="do not look into alerts")
+    arguments = parser.parse_args()
+    if not all(1 <= n <= 16 for n in arguments.workers):
+        parser.error(f"--workers are {arguments.workers}; give 1 to 16 each")
+    if arguments.stages and arguments.workers != [1]:
+        parser.error("--stages times the service itself; give it without --workers")
+    if not 5.0 <= arguments.seconds <= 3600.0:
+        parser.error(f"--seconds is {arguments.seconds}; give 5 to 3600")
+    if not 0.0 <= arguments.over <= arguments.seconds - 5.0:
+        longest_s = arguments.seconds - 5.0
+        parser.error(f"--over is {arguments.over}; give 0 to 5 less than --seconds, {longest_s}")
+    if not all(1 <= n <= 5000 for n in arguments.vehicles):
+        parser.error(f"--vehicles are {arguments.vehicles}; give 1 to 5000 each")
+    if not 1 <= arguments.samples_per_message <= 100:
+        parser.error(f"--samples-per-message is {arguments.samples_per_message}; give 1 to 100")
+    return arguments
 
 
 if __name__ == "__main__":

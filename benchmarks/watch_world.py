@@ -12,9 +12,9 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from wingwatch.baselines import LEASE_S, DatabaseError, Holder, Lease, Leases, VehicleName
-from wingwatch.service.shares import Shares, Worker
-from wingwatch.service.watch_keeping import WatchKeeper
-from wingwatch.service.watch_ports import KeeperPorts
+from wingwatch.service.workers.shares import Shares, Worker
+from wingwatch.service.workers.watch_keeping import WatchKeeper
+from wingwatch.service.workers.watch_ports import KeeperPorts
 
 TICK_S = 0.1
 LATENCY_S = 0.02

@@ -13,18 +13,21 @@ __all__ = ["run"]
 def run(arguments: argparse.Namespace) -> int:
     """Carry out the command."""
     vehicles = [_owner(name) for name in arguments.vehicles]
-    rules = access_rules(vehicles, arguments.service, arguments.reader, arguments.by)
+    several = {"workers": arguments.worker, "gateways": arguments.gateway}
+    rules = access_rules(vehicles, arguments.service, arguments.reader, arguments.by, **several)
     text = json.dumps(rules, indent=1) + "\n"
     if arguments.out is not None:
         arguments.out.write_text(text, encoding="utf-8")
     names = [vehicle_subject(*owner) for owner in vehicles]
     if arguments.json:
-        write_json({"vehicles": names, "service": arguments.service, "readers": arguments.reader, **rules})
+        others = {"service": arguments.service, "readers": arguments.reader, **several}
+        write_json({"vehicles": names, **others, **rules})
     elif arguments.out is None:
         print(text, end="")
     else:
         what = "common names of certificates" if arguments.by == "certificate" else "users"
-        say(f"{what}: {', '.join([*names, arguments.service, *arguments.reader])}")
+        everyone = [*names, arguments.service, *arguments.worker, *arguments.gateway, *arguments.reader]
+        say(f"{what}: {', '.join(everyone)}")
     return 0
 
 

@@ -7,10 +7,11 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import NoReturn
 
 from wingwatch.operations.faults import say
 
-__all__ = ["asked_to_end", "leave"]
+__all__ = ["asked_to_end", "leave", "leave_at_once"]
 
 _AT_ONCE = 130
 
@@ -50,3 +51,11 @@ def leave(code: int, busy: bool) -> int:
         sys.stderr.flush()
         os._exit(code)
     return code
+
+
+def leave_at_once(code: int) -> NoReturn:
+    """End the process once all has been closed in order: what the interpreter and its compiler take apart then is
+    memory, which takes them two seconds, and the system none."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)

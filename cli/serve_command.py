@@ -1,4 +1,4 @@
-"""`wingwatch serve`: the service, until Ctrl-C or SIGTERM."""
+"""`wingwatch serve`: the service, until Ctrl-C or SIGTERM; with several workers a gateway and a process for each."""
 
 import argparse
 import logging
@@ -6,17 +6,18 @@ import os
 import resource
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import NoReturn, Protocol
 
 from rich.console import Console
 
-from wingwatch.cli.ending import asked_to_end, leave
+from wingwatch.cli.ending import asked_to_end, leave, leave_at_once
 from wingwatch.operations.faults import say
 from wingwatch.operations.progress import write_json
 from wingwatch.service.logs import configure_logs
 from wingwatch.service.refusals import noticed_refusals
-from wingwatch.service.service import Service, running_service
-from wingwatch.service.settings import serve_settings
+from wingwatch.service.service import running_service
+from wingwatch.service.settings import ServeSettings, serve_settings
 
 __all__ = ["allow_open_files", "await_ready", "run", "write_address"]
 
@@ -26,23 +27,70 @@ _LOOK_S = 0.2
 _SAY_S = 10.0
 
 
+class Running(Protocol):
+    """A service or a gateway."""
+
+    @property
+    def url(self) -> str:
+        """Of the status page."""
+        ...
+
+    @property
+    def endpoints(self) -> tuple[str, ...]:
+        """Of Zenoh."""
+        ...
+
+    @property
+    def waits_for(self) -> str | None:
+        """Why no samples are taken in yet; None once they are."""
+        ...
+
+    @property
+    def starting(self) -> bool:
+        """Whether samples will be taken in, as far as can be said."""
+        ...
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until samples are taken in; whether they are."""
+        ...
+
+
 def run(arguments: argparse.Namespace) -> int:
     """Carry out the command."""
     settings = serve_settings(arguments, os.environ)
     configure_logs(settings.log_format)
     allow_open_files()
     tell: Callable[[str], object] = say if settings.log_format == "text" else _LOG.info
-    with asked_to_end() as end:
-        with (
-            noticed_refusals(settings.zenoh.access is not None) as refusals,
-            running_service(settings, refusals=refusals) as service,
-        ):
-            write_address(service, arguments.json)
-            if await_ready(service, end, tell):
-                tell("ready")
-            end.wait()
-            tell("ending")
+    with asked_to_end() as end, noticed_refusals(settings.zenoh.access is not None) as refusals:
+        if settings.worker_count > 1:
+            _gateway_and_workers(settings, refusals, end, arguments.json, tell)
+        with running_service(settings, refusals=refusals) as service:
+            _until_the_end(service, end, arguments.json, tell)
         return leave(0, service.ingest.loop.alive)
+
+
+def _gateway_and_workers(
+    settings: ServeSettings,
+    refusals: Mapping[str, int],
+    end: threading.Event,
+    as_json: bool,
+    tell: Callable[[str], object],
+) -> NoReturn:
+    from wingwatch.service.workers.gateway import running_gateway  # what a service alone does not load
+
+    with running_gateway(settings, workers=settings.worker_count, refusals=refusals) as gateway:
+        _until_the_end(gateway, end, as_json, tell)
+    leave_at_once(0)
+
+
+def _until_the_end(
+    running: Running, end: threading.Event, as_json: bool, tell: Callable[[str], object]
+) -> None:
+    write_address(running, as_json)
+    if await_ready(running, end, tell):
+        tell("ready")
+    end.wait()
+    tell("ending")
 
 
 def allow_open_files() -> None:
@@ -53,7 +101,7 @@ def allow_open_files() -> None:
         resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
 
 
-def write_address(service: Service, as_json: bool) -> None:
+def write_address(service: Running, as_json: bool) -> None:
     """Say where the service is found, as soon as it is."""
     if as_json:
         write_json({"url": service.url, "zenoh": list(service.endpoints)})
@@ -61,7 +109,7 @@ def write_address(service: Service, as_json: bool) -> None:
         print(f"status page {service.url}   Zenoh {' '.join(service.endpoints)}", flush=True)
 
 
-def await_ready(service: Service, end: threading.Event, tell: Callable[[str], object] = say) -> bool:
+def await_ready(service: Running, end: threading.Event, tell: Callable[[str], object] = say) -> bool:
     """Wait until samples are taken in, or the end is asked for, or it turns out that neither will come."""
     console = Console(stderr=True)
     if console.is_terminal and tell is say:
@@ -78,9 +126,9 @@ def await_ready(service: Service, end: threading.Event, tell: Callable[[str], ob
     return _await(service, end, say_at_times)
 
 
-def _await(service: Service, end: threading.Event, tell: Callable[[str], object]) -> bool:
-    while not end.is_set() and service.ingest.loop.alive:
-        if service.ingest.wait(_LOOK_S):
+def _await(service: Running, end: threading.Event, tell: Callable[[str], object]) -> bool:
+    while not end.is_set() and service.starting:
+        if service.wait(_LOOK_S):
             return True
-        tell(service.ingest.problem or "")
+        tell(service.waits_for or "")
     return False

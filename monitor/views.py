@@ -256,6 +256,7 @@ class VehicleView:
         proposed_input: that would help, where proposals are asked for and one is valid.
         sample_age_s: since samples of it arrived last; None before the first.
         position: where it was last, where it says so.
+        worker: the process that watches it; None where that is the one that is asked.
     """
 
     fleet: str
@@ -281,6 +282,7 @@ class VehicleView:
     proposed_input: ProposedInputView | None = None
     sample_age_s: float | None = None
     position: Position | None = None
+    worker: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ import hashlib
 import logging
 import os
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -47,10 +47,11 @@ class CheckpointFolder:
         self._folder, self._wall_clock, self._most = folder, wall_clock, most
         self._waiting: dict[tuple[str, str], Checkpoint] = {}
         self._urgent: dict[tuple[str, str], None] = {}
+        self._handed_over: dict[tuple[str, str], bytes] = {}
         self._files: dict[str, None] = {}  # written longest ago first
         self._counts = dict.fromkeys(("written", "failed", "refused", "expired", "resumed"), 0)
         self._lock, self._writing = threading.Lock(), threading.Lock()
-        self._news, self._end = threading.Event(), False
+        self._news, self._end, self._in_hand = threading.Event(), False, False
         self._problem: str | None = None
         self.loop = Loop(
             "wingwatch-checkpoints", "the loop that saves vehicles' states", self._run, self._news.set
@@ -70,6 +71,12 @@ class CheckpointFolder:
     def waiting(self) -> int:
         """States that wait to be written."""
         return len(self._waiting)
+
+    @property
+    def idle(self) -> bool:
+        """Whether every state that was handed over is written, or given up."""
+        with self._lock:
+            return not self._waiting and not self._in_hand
 
     @property
     def problem(self) -> str | None:
@@ -108,6 +115,22 @@ class CheckpointFolder:
             self._waiting.pop((saved.fleet, saved.vehicle), None)
         self._written(Checkpoint(self._wall_clock(), saved))
 
+    def begin_hand_over(self, vehicles: Collection[tuple[str, str]]) -> None:
+        """What is written of these from now on is kept for ``handed_over`` as well."""
+        with self._lock:
+            self._handed_over |= dict.fromkeys(vehicles, b"")
+
+    def handed_over(self, vehicles: Collection[tuple[str, str]]) -> dict[tuple[str, str], bytes]:
+        """The last states of these, as they were written; empty where none was."""
+        with self._lock:
+            return {key: self._handed_over.pop(key, b"") for key in vehicles}
+
+    def drop(self, fleet: str, vehicle: str) -> None:
+        """Another process has gone on with a vehicle: what waits of it is not written."""
+        with self._lock:
+            self._waiting.pop((fleet, vehicle), None)
+            self._urgent.pop((fleet, vehicle), None)
+
     def load(self) -> Sequence[SavedVehicle]:
         """Every vehicle whose file can be used, the longest silent first, their silence until now included."""
         found: list[SavedVehicle] = []
@@ -130,12 +153,42 @@ class CheckpointFolder:
             found.append(replace(saved, silent_s=saved.silent_s + away_s))
         return sorted(found, key=lambda saved: -saved.silent_s)
 
+    def read(self, fleet: str, vehicle: str) -> SavedVehicle | None:
+        """One vehicle's, whichever process has written it; None where there is none that can be used."""
+        path = self._path(fleet, vehicle)
+        try:
+            return self.decoded(_read(path), str(path))
+        except FileNotFoundError:
+            return None
+        except (OSError, CheckpointError) as error:
+            self.count("refused", f"the checkpoint {path} is not used: {error}; its vehicle starts anew")
+            return None
+
+    def decoded(self, data: bytes, where: str) -> SavedVehicle | None:
+        """A vehicle's, its silence until now included; None where it cannot be used, which is counted and said.
+
+        Args:
+            where: it comes from.
+        """
+        try:
+            checkpoint = decode_checkpoint(data)
+        except Exception as error:  # whatever it holds must not keep the vehicle from being watched
+            self.count("refused", f"the checkpoint {where} is not used: {error}; its vehicle starts anew")
+            return None
+        away_s = max(0.0, self._wall_clock() - checkpoint.saved_at_s)
+        return replace(checkpoint.saved, silent_s=checkpoint.saved.silent_s + away_s)
+
+    def _path(self, fleet: str, vehicle: str) -> Path:
+        name = hashlib.sha256(f"{fleet}/{vehicle}".encode()).hexdigest()[:32]
+        return self._folder / f"{name}{_SUFFIX}"
+
     def _paths(self) -> list[Path]:
         """Files of checkpoints, written longest ago first; what is too many is removed, and what was not finished."""
         if not self._folder.is_dir():
             return []
         for left in self._folder.glob(f"*{_UNFINISHED}"):
-            left.unlink(missing_ok=True)
+            if not _is_being_written(left):
+                left.unlink(missing_ok=True)
         paths = sorted(self._folder.glob(f"*{_SUFFIX}"), key=lambda path: path.stat().st_mtime_ns)
         for path in paths[: max(0, len(paths) - self._most)]:
             path.unlink(missing_ok=True)
@@ -154,17 +207,24 @@ class CheckpointFolder:
     def _next(self) -> Checkpoint | None:
         """What is to be written next, taken out of what waits."""
         with self._lock:
+            self._in_hand = False
             key = next(iter(self._urgent), None) or next(iter(self._waiting), None)
             if key is None:
                 return None
             self._urgent.pop(key, None)
-            return self._waiting.pop(key, None)
+            found = self._waiting.pop(key, None)
+            self._in_hand = found is not None
+            return found
 
     def _written(self, checkpoint: Checkpoint) -> None:
         saved = checkpoint.saved
         try:
+            data = encode_checkpoint(checkpoint)
+            with self._lock:
+                if (saved.fleet, saved.vehicle) in self._handed_over:
+                    self._handed_over[saved.fleet, saved.vehicle] = data
             with self._writing:
-                self._write_file(f"{saved.fleet}/{saved.vehicle}", encode_checkpoint(checkpoint))
+                self._write_file(self._path(saved.fleet, saved.vehicle), data)
         except Exception as error:  # a full disk, or a state that cannot be written, must not end this thread
             self.count("failed")
             problem = f"{type(error).__name__}: {error}"
@@ -175,10 +235,9 @@ class CheckpointFolder:
         self._problem = None
         self.count("written")
 
-    def _write_file(self, name: str, data: bytes) -> None:
+    def _write_file(self, path: Path, data: bytes) -> None:
         self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        path = self._folder / f"{hashlib.sha256(name.encode()).hexdigest()[:32]}{_SUFFIX}"
-        unfinished = path.with_suffix(_UNFINISHED)
+        unfinished = path.with_suffix(f".{os.getpid()}{_UNFINISHED}")
         with unfinished.open("wb") as file:
             file.write(data)
             file.flush()
@@ -190,6 +249,20 @@ class CheckpointFolder:
             oldest = next(iter(self._files))
             (self._folder / oldest).unlink(missing_ok=True)
             self._files.pop(oldest)
+
+
+def _is_being_written(unfinished: Path) -> bool:
+    """Whether another process of this machine may be writing a file: its number is the last part of the name."""
+    number = unfinished.stem.rpartition(".")[2]
+    if not number.isdigit() or int(number) == os.getpid():
+        return False
+    try:
+        os.kill(int(number), 0)
+    except ProcessLookupError:
+        return False
+    except OSError:  # of another user
+        return True
+    return True
 
 
 def _read(path: Path) -> bytes:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from wingwatch.monitor import FleetMonitor
 from wingwatch.service.delays import DelayHistogram
 from wingwatch.service.kernels import KernelError, Preparation
+from wingwatch.service.load import LoadMeter
 from wingwatch.service.loops import Loop
 from wingwatch.telemetry import InboundMessage, SensorSubscriber
 
@@ -57,6 +58,12 @@ class IngestLoop:
         self.faults = 0
         self.delays = DelayHistogram()
         self._since_s: float | None = None
+        self._meter = LoadMeter(clock)
+
+    @property
+    def load(self) -> float:
+        """Part of the last ten seconds in which messages were taken in."""
+        return self._meter.load
 
     @property
     def problem(self) -> str | None:
@@ -109,6 +116,7 @@ class IngestLoop:
         while not self._ending:
             self._arrived.wait(_IDLE_S)
             self._arrived.clear()
+            self._meter.begin()
             full = True
             while full and not self._ending:
                 messages = self._subscriber.drain(_GATHERED, self._monitor.full)
@@ -121,6 +129,7 @@ class IngestLoop:
                     self.delays.add(now_s - message.received_s)
                 next_tick_s = self._tick(next_tick_s)
                 full = len(messages) == _GATHERED or self._monitor.behind
+            self._meter.end()
 
     def _tick(self, due_s: float) -> float:
         now_s = self._clock()

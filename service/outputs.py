@@ -10,6 +10,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from functools import partial
 from typing import Any, Self
 
@@ -55,6 +56,8 @@ class ZenohOutputs:
     Args:
         session: open.
         connected: whether the link to the router holds; what is put meanwhile is lost without a word, so alerts wait.
+        owns: whether a vehicle, by fleet and name, is watched here; what is asked of others is answered elsewhere, and
+            alerts of them are said elsewhere. Every one is without.
 
     Attributes:
         dropped: alerts and queries that found their queue full, and messages that could not be sent.
@@ -62,8 +65,13 @@ class ZenohOutputs:
         loop: hands over what waits.
     """
 
-    def __init__(self, session: zenoh.Session, connected: Callable[[], bool] = _always) -> None:
-        self._session = session
+    def __init__(
+        self,
+        session: zenoh.Session,
+        connected: Callable[[], bool] = _always,
+        owns: Callable[[str, str], bool] | None = None,
+    ) -> None:
+        self._session, self._owns = session, owns
         self._connected = connected
         self._monitor: MonitorPort | None = None
         self._ask: Callable[[str, str], None] | None = None
@@ -175,7 +183,12 @@ class ZenohOutputs:
         self._news.set()
 
     def _note_foreign(self, sample: Any) -> None:
-        """In Zenoh's thread: somebody else has published an alert."""
+        """In Zenoh's thread: somebody else has published an alert, of a vehicle that he does not watch."""
+        if self._owns is not None:
+            with suppress(KeyNameError):
+                found = parse_key(str(sample.key_expr))
+                if not self._owns(found.fleet, found.vehicle):
+                    return
         with self._lock:
             self.foreign_alerts += 1
             self._foreign.append(str(sample.key_expr)[:_MOST_KEY])
@@ -289,6 +302,8 @@ class ZenohOutputs:
             if "derivatives" in wanted and (value := monitor.derivatives(*owner)) is not None:
                 yield keys["derivatives"], "derivatives", _document(*owner, value)
         for alert in reversed(monitor.alerts()):  # also of vehicles without a message since the start
+            if self._owns is not None and not self._owns(alert.fleet, alert.vehicle):
+                continue
             key = vehicle_key(alert.fleet, alert.vehicle, "alerts")
             if asked.intersects(zenoh.KeyExpr(key)):
                 yield key, "alerts", _document(alert.fleet, alert.vehicle, alert)

@@ -2,6 +2,7 @@
 
 import argparse
 import hashlib
+import os
 import re
 import tomllib
 from collections.abc import Collection, Mapping, Sequence
@@ -21,6 +22,7 @@ from wingwatch.service.recorder import RecordingLimits
 
 __all__ = [
     "DATABASE_VARIABLE",
+    "MOST_WORKERS",
     "HistoryTable",
     "RecordingTable",
     "ServeSettings",
@@ -31,10 +33,13 @@ __all__ = [
 DATABASE_VARIABLE = "WINGWATCH_DATABASE_URL"
 """Environment variable; empty counts as not set. It goes before the file's ``database``."""
 
+MOST_WORKERS = 64
+"""Processes of one ``wingwatch serve``."""
+
 _MOST_BYTES = 100_000
 _FLAGS = (
     "host", "port", "listen", "connect", "name", "certificate", "private_key", "require_token", "data", "aircraft",
-    "log_format", "excite", "diagnose_alerts", "record", "studies", "documents",
+    "log_format", "excite", "diagnose_alerts", "record", "studies", "documents", "workers", "worker_name", "capacity",
 )  # fmt: skip
 _SECRET = re.compile(r"(^|\.)(url|secret)[a-z_]*$")
 _PATHS = ("data", "certificate", "private_key", "record", "studies", "documents")
@@ -119,6 +124,9 @@ class ServeSettings(BaseModel):
         studies: folder of the reports of finished studies that are shown; none are without.
         record: folder of recordings (MCAP); none are made without. recording: how much of them is kept.
         documents: folder of the documents' site, served at ``/help``; that of this checkout where one was built.
+        workers: processes that watch vehicles; with one the service watches them itself, 0 is one less than the
+            machine has processors.
+        worker_name: of this worker; a new one without. capacity: what it takes beside others.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -146,6 +154,9 @@ class ServeSettings(BaseModel):
     studies: Path | None = None
     recording: RecordingTable = RecordingTable()
     documents: Path | None = Field(default_factory=built_documents)
+    workers: Annotated[int, Field(strict=True, ge=0, le=MOST_WORKERS)] = 1
+    worker_name: Annotated[str, Field(min_length=1, max_length=63)] | None = None
+    capacity: Annotated[float, Field(ge=0.001, le=1000.0)] = 1.0
 
     @field_validator("listen", "connect", "aircraft", "name", mode="before")
     @classmethod
@@ -179,6 +190,11 @@ class ServeSettings(BaseModel):
         return Path(f"{self.where}.checkpoints")
 
     @property
+    def worker_count(self) -> int:
+        """Processes that watch vehicles; 1: this one."""
+        return self.workers or max(1, len(os.sched_getaffinity(0)) - 1)
+
+    @property
     def outboxes(self) -> Path:
         """Folder of what channels have still to say."""
         return self.data / "notifications"
@@ -199,7 +215,9 @@ def serve_settings(arguments: argparse.Namespace, environment: Mapping[str, str]
     Raises:
         CommandError: a file that cannot be read, a key that is not known, a value that is not allowed.
     """
-    given = {name: getattr(arguments, name) for name in _FLAGS}
+    given = {
+        name: getattr(arguments, name, None) for name in _FLAGS
+    }  # a worker or a gateway has some of them
     flags = {
         name: tuple(one) if isinstance(one, list) else one for name, one in given.items() if one is not None
     }

@@ -5,19 +5,17 @@ import threading
 from collections.abc import Callable, Sequence
 
 from wingwatch.aircraft import Aircraft
-from wingwatch.baselines import AlertRecord, BaselineLedger, ChangeRecord, Database, VehicleName
+from wingwatch.baselines import BaselineLedger, ChangeRecord, Database, VehicleName
 from wingwatch.monitor import AlertView, VehicleMemory
 from wingwatch.operations.baseline import stored_cells, stored_envelopes, stored_references
 from wingwatch.service.loops import Loop
 from wingwatch.service.store_entries import Series, WaitingEntries
 from wingwatch.service.store_writer import sentence_of
-from wingwatch.service.stored_alerts import alert_view
+from wingwatch.service.stored_alerts import kept_alerts
 
 __all__ = ["StoreReader"]
 
 _LOG = logging.getLogger(__name__)
-_PAGE = 1000
-_MOST_ALERTS = 10_000
 _MOST_ASKED = 1000
 _RETRY_S = 1.0
 _LOOK_EVERY_S = 2.0  # for changes of the baseline by others
@@ -147,24 +145,13 @@ class StoreReader:
         """Alerts of earlier runs, once; whether they have been read."""
         if self._earlier is None:
             try:
-                self._earlier = self._earlier_alerts()
+                self._earlier = kept_alerts(self._database)
             except Exception as error:
                 self._not_read(error)
                 return False
             self.problem = None
             self._earlier_read.set()
         return True
-
-    def _earlier_alerts(self) -> Sequence[AlertView]:
-        records: list[AlertRecord] = []
-        cursor: str | None = None
-        while len(records) < _MOST_ALERTS:
-            page = self._database.alerts(limit=_PAGE, cursor=cursor)
-            records += page.items
-            cursor = page.next
-            if cursor is None:
-                break
-        return [alert_view(record) for record in records]
 
     def _not_read(self, error: Exception) -> None:
         self.failed += 1

@@ -2,10 +2,14 @@
 
 from dataclasses import asdict
 
-from wingwatch.baselines import AlertRecord, CandidateRecord, EvidenceRecord
+from wingwatch.baselines import AlertRecord, CandidateRecord, Database, EvidenceRecord
 from wingwatch.monitor import AlertState, AlertView, CandidateView, EvidenceView, Shelving
 
-__all__ = ["alert_record", "alert_view"]
+__all__ = ["MOST_KEPT", "alert_record", "alert_view", "kept_alerts"]
+
+MOST_KEPT = 10_000
+"""Alerts that are kept in memory."""
+_PAGE = 1000
 
 
 def alert_record(alert: AlertView, created_at_s: float, updated_at_s: float) -> AlertRecord:
@@ -31,3 +35,20 @@ def alert_view(record: AlertRecord) -> AlertView:
     values["shelving"] = None if record.shelving is None else Shelving(**record.shelving)  # type: ignore[arg-type]
     values["candidates"] = tuple(CandidateView(**asdict(one)) for one in record.candidates)
     return AlertView(**values)
+
+
+def kept_alerts(database: Database) -> list[AlertView]:
+    """The newest alerts of a database, newest first.
+
+    Raises:
+        DatabaseError: they cannot be read.
+    """
+    records: list[AlertRecord] = []
+    cursor: str | None = None
+    while len(records) < MOST_KEPT:
+        page = database.alerts(limit=_PAGE, cursor=cursor)
+        records += page.items
+        cursor = page.next
+        if cursor is None:
+            break
+    return [alert_view(record) for record in records]

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import Any, Literal
 
 from wingwatch.telemetry.keys import EVERY_VEHICLE_ALIVE, KEY_ROOT, alive_key, check_name, vehicle_key
+from wingwatch.telemetry.worker_keys import EVERY_LOAD, EVERY_TOKEN, WORKER_ROOT, check_worker
 
 __all__ = ["access_rules", "vehicle_subject"]
 
@@ -19,6 +20,9 @@ _AIRCRAFT = (f"{KEY_ROOT}/*/*/aircraft",)
 _ALL = (f"{KEY_ROOT}/**",)
 _ALL_ALIVE = (f"{_ALIVE}/**",)
 _VEHICLES_ALIVE = (EVERY_VEHICLE_ALIVE,)
+_WORKERS = (f"{WORKER_ROOT}/*/*",)
+_WORKERS_THERE = (EVERY_TOKEN,)
+_LOADS = (EVERY_LOAD,)
 
 Identity = Literal["certificate", "user"]
 
@@ -37,6 +41,8 @@ def access_rules(
     service: str = "service",
     readers: Sequence[str] = (),
     by: Identity = "certificate",
+    workers: Sequence[str] = (),
+    gateways: Sequence[str] = (),
 ) -> dict[str, Any]:
     """The object ``{"access_control": ...}`` of a Zenoh configuration.
 
@@ -45,6 +51,9 @@ def access_rules(
         service: common name of the service's certificate, or its user.
         readers: of those who may subscribe and ask, and write nothing.
         by: what tells who connects.
+        workers: those that watch vehicles beside each other; each answers under its own name, or one that begins with
+            it and a hyphen.
+        gateways: those that ask workers, and neither read nor write what is of vehicles.
 
     Raises:
         KeyNameError: a name that may not stand in a key.
@@ -61,7 +70,11 @@ def access_rules(
 
     for fleet, vehicle in dict.fromkeys(vehicles):
         add(vehicle_subject(fleet, vehicle), _of_vehicle(fleet, vehicle))
-    add(check_name("service", service), _of_service())
+    add(check_name("service", service), [*_of_service(), *_of_workers_host()])
+    for worker in dict.fromkeys(workers):
+        add(check_worker(worker), [*_of_service(), *_of_worker(worker)])
+    for gateway in dict.fromkeys(gateways):
+        add(check_name("gateway", gateway), _of_gateway())
     for reader in dict.fromkeys(readers):
         add(check_name("reader", reader), _of_reader())
     return {
@@ -102,6 +115,55 @@ def _of_service() -> list[dict[str, Any]]:
         _rule("is asked", "egress", ("declare_subscriber", "query"), _ALL),
         _rule("asks who leaves", "ingress", ("declare_liveliness_subscriber",), _VEHICLES_ALIVE),
         _rule("hears who leaves", "egress", ("liveliness_token",), _VEHICLES_ALIVE),
+    ]
+
+
+def _of_worker(worker: str) -> list[dict[str, Any]]:
+    """A worker answers under its own name, and asks others what they hand over."""
+    names = (worker, f"{worker}-$*")
+    own = tuple(f"{WORKER_ROOT}/{name}/*" for name in names)
+    tokens = tuple(f"{WORKER_ROOT}/alive/{name}/*" for name in names)
+    return [
+        _rule("answers gateways", "ingress", ("declare_queryable", "reply"), own),
+        _rule("is there", "ingress", ("liveliness_token",), tokens),
+        _rule("is asked by gateways", "egress", ("query",), own),
+        *_sharing_loads(tuple(f"{WORKER_ROOT}/{name}/load" for name in names)),
+        *_asking_workers(),
+    ]
+
+
+def _of_gateway() -> list[dict[str, Any]]:
+    return _asking_workers()
+
+
+def _sharing_loads(own: Sequence[str]) -> list[dict[str, Any]]:
+    """Workers hear each other's loads; ``own``: under which keys one says its own."""
+    return [
+        _rule("says its load", "ingress", ("put",), own),
+        _rule("listens to loads", "ingress", ("declare_subscriber",), _LOADS),
+        _rule("learns who listens to loads", "egress", ("declare_subscriber",), _LOADS),
+        _rule("hears loads", "egress", ("put",), _LOADS),
+    ]
+
+
+def _asking_workers() -> list[dict[str, Any]]:
+    """To ask any worker, and to see which are there."""
+    return [
+        _rule("asks workers", "ingress", ("query",), _WORKERS),
+        _rule("gets workers' answers", "egress", ("declare_queryable", "reply"), _WORKERS),
+        _rule("asks which workers are there", "ingress", ("declare_liveliness_subscriber",), _WORKERS_THERE),
+        _rule("sees which workers are there", "egress", ("liveliness_token",), _WORKERS_THERE),
+    ]
+
+
+def _of_workers_host() -> list[dict[str, Any]]:
+    """The workers of ``serve --workers`` connect to the service under its own identity."""
+    return [
+        _rule("answers gateways", "ingress", ("declare_queryable", "reply"), _WORKERS),
+        _rule("is there", "ingress", ("liveliness_token",), _WORKERS_THERE),
+        _rule("is asked by gateways", "egress", ("query",), _WORKERS),
+        *_sharing_loads(_LOADS),
+        *_asking_workers(),
     ]
 
 

@@ -19,7 +19,8 @@ class InboundMessage:
     Attributes:
         fleet: from its key.
         vehicle: from its key.
-        stream: ``sensors`` or ``aircraft``; ``left`` where the vehicle's liveliness token has gone.
+        stream: ``sensors`` or ``aircraft``; ``left`` where the vehicle's liveliness token has gone; ``given_up`` where
+            another process watches it from now on, ``dropped`` where another has done so for a while.
         payload: its bytes; of a payload above the limit only so many that decoding says ``too_large``.
         encoding: Zenoh's encoding, as text.
         received_s: the subscriber's clock when it was taken over, a few milliseconds after its arrival.
@@ -94,6 +95,13 @@ class VehicleQueues:
                 self._close(key)
         self._turn.extend(held_back)
         return taken
+
+    def drop(self, key: Key) -> None:
+        """Forget what waits of a vehicle."""
+        if key in self._queues:
+            self._count(key, -len(self._queues[key]), -self._bytes[key])
+            self._close(key)
+            self._turn.remove(key)
 
     def ages(self, now_s: float) -> Mapping[Key, float]:
         """How long the oldest message of each vehicle has waited, by fleet and name."""

@@ -18,20 +18,22 @@ from wingwatch.cli.arguments.flights import (
 from wingwatch.cli.arguments.links import add_bridge
 from wingwatch.cli.arguments.serving import (
     add_access,
+    add_gateway,
     add_kernels,
     add_notify,
     add_serve,
     add_store,
     add_token,
+    add_worker,
 )
 from wingwatch.cli.arguments.simulated import add_demo, add_design_input, add_simulate, add_study, add_thesis
 
 __all__ = ["build_parser"]
 
 _COMMANDS = (
-    add_demo, add_serve, add_publish, add_bridge, add_replay, add_simulate, add_log, add_estimate, add_monitor,
-    add_condition, add_diagnose, add_report, add_design_input, add_study, add_aircraft, add_baseline, add_token,
-    add_access, add_store, add_notify, add_kernels, add_thesis,
+    add_demo, add_serve, add_worker, add_gateway, add_publish, add_bridge, add_replay, add_simulate, add_log,
+    add_estimate, add_monitor, add_condition, add_diagnose, add_report, add_design_input, add_study, add_aircraft,
+    add_baseline, add_token, add_access, add_store, add_notify, add_kernels, add_thesis,
 )  # fmt: skip
 """In the order of the help."""
 
@@ -52,6 +54,7 @@ examples:
   wingwatch aircraft check my_aircraft.toml
   wingwatch baseline show data/wingwatch.db --aircraft aerosonde
   wingwatch serve --data data --aircraft my_aircraft.toml
+  wingwatch serve --workers 4
   wingwatch publish flight.parquet --vehicle uav1 --aircraft aerosonde --rate max
   wingwatch bridge mavlink --connect udp:127.0.0.1:14550 --vehicle uav1 --aircraft my_aircraft.toml
   wingwatch serve --record recordings

@@ -5,9 +5,18 @@ from collections.abc import Callable
 from pathlib import Path
 
 from wingwatch.cli.arguments.common import Commands, add_command, add_commands
-from wingwatch.cli.arguments.values import positive, row_count
+from wingwatch.cli.arguments.values import positive, row_count, worker_count
 
-__all__ = ["add_access", "add_notify", "add_serve", "add_store", "add_token"]
+__all__ = [
+    "add_access",
+    "add_gateway",
+    "add_kernels",
+    "add_notify",
+    "add_serve",
+    "add_store",
+    "add_token",
+    "add_worker",
+]
 
 _TOKEN_EXAMPLES = """\
 wingwatch token create lead --scope operate
@@ -40,22 +49,75 @@ def add_serve(commands: Commands) -> None:
         "the service: Zenoh in, monitor, REST and status page out",
         "wingwatch serve --data data --listen tcp/127.0.0.1:7447",
     )
+    _add_config(parser)
+    parser.add_argument(
+        "--workers",
+        type=worker_count,
+        nargs="?",
+        const=0,
+        metavar="N",
+        help="watch in N processes, started again where they die (default: 1, this one; without N: one less than "
+        "the processors)",
+    )
+    _add_http(parser)
+    _add_links(parser)
+    _add_data(parser)
+    _add_watching(parser)
+    _add_shown(parser)
+    _add_log_format(parser)
+
+
+def add_worker(commands: Commands) -> None:
+    """``wingwatch worker``."""
+    parser = add_command(
+        commands,
+        "worker",
+        "watches vehicles beside other workers, for a gateway: Zenoh in and out, no port",
+        "wingwatch worker --connect tcp/router.example:7447 --config fleet.toml",
+    )
+    _add_config(parser)
+    parser.add_argument(
+        "--worker-name", metavar="NAME", help="of this worker, unlike any other (default: a new one)"
+    )
+    parser.add_argument(
+        "--capacity",
+        type=positive,
+        metavar="X",
+        help="what it takes beside others: twice as many vehicles as one with half (default: 1)",
+    )
+    _add_links(parser)
+    _add_data(parser)
+    _add_watching(parser)
+    _add_log_format(parser)
+
+
+def add_gateway(commands: Commands) -> None:
+    """``wingwatch gateway``."""
+    parser = add_command(
+        commands,
+        "gateway",
+        "REST, status page and events for vehicles that workers watch; several may run",
+        "wingwatch gateway --connect tcp/router.example:7447 --config fleet.toml",
+    )
+    _add_config(parser)
+    _add_http(parser)
+    _add_links(parser)
+    _add_data(parser)
+    _add_shown(parser)
+    _add_log_format(parser)
+
+
+def _add_config(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--config", type=Path, metavar="FILE", help="settings (TOML); flags here override them"
     )
+
+
+def _add_http(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--host", help="HTTP address (default: 127.0.0.1); one that others can reach takes tokens"
     )
     parser.add_argument("--port", type=int, help="HTTP port (default: 8000)")
-    parser.add_argument(
-        "--listen",
-        action="append",
-        metavar="ENDPOINT",
-        help="Zenoh endpoint to listen on; may be repeated (default: tcp/127.0.0.1:7447, or none with --connect)",
-    )
-    parser.add_argument(
-        "--connect", action="append", metavar="ENDPOINT", help="Zenoh router to connect to; may be repeated"
-    )
     parser.add_argument(
         "--name",
         action="append",
@@ -72,6 +134,21 @@ def add_serve(commands: Commands) -> None:
         default=None,
         help="ask for tokens on loopback too, as behind a proxy",
     )
+
+
+def _add_links(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--listen",
+        action="append",
+        metavar="ENDPOINT",
+        help="Zenoh endpoint to listen on; may be repeated (default: tcp/127.0.0.1:7447, or none with --connect)",
+    )
+    parser.add_argument(
+        "--connect", action="append", metavar="ENDPOINT", help="Zenoh router to connect to; may be repeated"
+    )
+
+
+def _add_data(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--data", type=Path, metavar="DIR", help="folder of the database and the tokens (default: data)"
     )
@@ -82,6 +159,10 @@ def add_serve(commands: Commands) -> None:
         metavar="FILE",
         help="aircraft file beside the library; may be repeated",
     )
+
+
+def _add_watching(parser: argparse.ArgumentParser) -> None:
+    """How vehicles are watched."""
     parser.add_argument(
         "--excite",
         action="store_true",
@@ -95,11 +176,16 @@ def add_serve(commands: Commands) -> None:
         default=None,
         help="do not look into alerts by simulation, in a process of its own at low priority",
     )
-    _add_serve_outputs(parser)
+    parser.add_argument(
+        "--record",
+        type=Path,
+        metavar="DIR",
+        help="record what vehicles send and what is said of them into MCAP files in DIR, for wingwatch replay",
+    )
 
 
-def _add_serve_outputs(parser: argparse.ArgumentParser) -> None:
-    """What a service writes beside its database, and the documents that it shows."""
+def _add_shown(parser: argparse.ArgumentParser) -> None:
+    """What is shown beside the fleet."""
     parser.add_argument(
         "--documents",
         type=Path,
@@ -107,17 +193,14 @@ def _add_serve_outputs(parser: argparse.ArgumentParser) -> None:
         help="serve the documents that make docs has built in DIR at /help (default: dist/site of a checkout)",
     )
     parser.add_argument(
-        "--record",
-        type=Path,
-        metavar="DIR",
-        help="record what vehicles send and what is said of them into MCAP files in DIR, for wingwatch replay",
-    )
-    parser.add_argument(
         "--studies",
         type=Path,
         metavar="DIR",
         help="show the reports of finished studies in DIR (wingwatch study ... --report) on the status page",
     )
+
+
+def _add_log_format(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--log-format", choices=("text", "json"), help="of the log on standard error (default: text)"
     )
@@ -171,6 +254,11 @@ def add_access(commands: Commands) -> None:
         metavar="NAME",
         help="who may subscribe and ask, and writes nothing; may be repeated",
     )
+    for who, what in (
+        ("worker", "who watches vehicles beside others, under this name or NAME-ANYTHING"),
+        ("gateway", "who asks workers, and writes nothing"),
+    ):
+        add(f"--{who}", action="append", default=[], metavar="NAME", help=f"{what}; may be repeated")
     add("--service", default="service", metavar="NAME", help="who the service is (default: %(default)s)")
     add(
         "--by",

@@ -11,6 +11,7 @@ __all__ = [
     "positive",
     "replay_speed",
     "row_count",
+    "worker_count",
     "version_id",
     "wind",
 ]
@@ -47,6 +48,13 @@ def row_count(text: str) -> int:
     """A whole number from 1000."""
     if not (text.isascii() and text.isdigit() and 1000 <= int(text) <= 10**12):
         raise argparse.ArgumentTypeError(f"{text!r} is not allowed: give a whole number from 1000")
+    return int(text)
+
+
+def worker_count(text: str) -> int:
+    """A whole number from 1 to 64."""
+    if not (text.isascii() and text.isdigit() and 1 <= int(text) <= 64):
+        raise argparse.ArgumentTypeError(f"{text!r} is not allowed: give a whole number from 1 to 64")
     return int(text)
 
 

@@ -84,6 +84,23 @@ class AlertLedger:
         """What is kept of an alert is older than the version that comes next."""
         self._newest.pop(alert_id, None)
 
+    def give_up(self, key: VehicleKey) -> None:
+        """A vehicle is watched elsewhere from now on: its alerts stay as they were announced, and are not written."""
+        for name in [n for n, a in self._newest.items() if (a.fleet, a.vehicle) == key]:
+            self._own.pop(name, None)
+            self._findings.pop(name, None)
+            self._unsaved.pop(name, None)
+            if name in self._committed:
+                self._newest[name] = self._committed[name]
+            else:
+                self._newest.pop(name)
+
+    def take(self, alerts: Sequence[AlertView]) -> None:
+        """Alerts as the database has them, newest first, in the place of what is known here of each."""
+        for alert in reversed(alerts):
+            self._newest[alert.id] = self._committed[alert.id] = alert
+        self._forget()
+
     def commit(self, alert: AlertView) -> None:
         """This version is committed."""
         self._committed[alert.id] = alert

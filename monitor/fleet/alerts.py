@@ -1,6 +1,6 @@
 """Alerts of a live fleet: stored before they are announced, in force across restarts, acted on by persons."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from wingwatch.monitor.detection.alert_finding import AlertFinding
@@ -10,6 +10,7 @@ from wingwatch.monitor.fleet.member.known_vehicle import KnownVehicle
 from wingwatch.monitor.fleet.resuming import agreed
 from wingwatch.monitor.fleet.roster import VehicleKey
 from wingwatch.monitor.ports import ActionPlan, ActionRequest, Store
+from wingwatch.monitor.positions import Place
 from wingwatch.monitor.views import AlertGroupView, AlertState, AlertView
 
 __all__ = ["FleetAlerts"]
@@ -78,6 +79,14 @@ class FleetAlerts:
             news += announced
         return news
 
+    def take(self, key: VehicleKey, alerts: Sequence[AlertView]) -> None:
+        """A vehicle's alerts as the database has them, newest first: those in force are its monitor's from now on."""
+        self._context.ledger.take(alerts)
+        in_force = [alert for alert in reversed(alerts) if alert.state is not AlertState.CLEARED]
+        self._earlier.pop(key, None)
+        if in_force:
+            self._earlier[key] = in_force
+
     # -- from the monitors ---------------------------------------------------------------------
 
     def keep(self, alert: AlertView) -> tuple[AlertView, list[Outgoing]]:
@@ -110,6 +119,10 @@ class FleetAlerts:
     def groups(self) -> Sequence[AlertGroupView]:
         """Alerts in force that are one event, largest first."""
         return self._groups.groups(self._context.ledger.all_shown())
+
+    def places(self) -> Mapping[str, tuple[int, Place]]:
+        """Where and when alerts of icing were raised (``IcingGroups.places``)."""
+        return self._groups.places
 
     def _note_place(self, alert: AlertView) -> None:
         """Where the vehicle is, and when by the wall its alert was raised: vehicles' own clocks differ."""

@@ -88,28 +88,50 @@ class FleetCheckpoints:
         """
         if self._checkpoints is None:
             return
-        context, envelopes = self._context, dict[tuple[str, str], Mapping[str, Envelope]]()
+        envelopes = dict[tuple[str, str], Mapping[str, Envelope]]()
         for saved in self._checkpoints.load():
-            key = saved.fleet, saved.vehicle
-            if not goes_on(saved, context.settings.judge):
-                self._checkpoints.count("expired")
-                continue
-            try:
-                known = resumed_vehicle(saved, find, maker, partial(self._stored, envelopes))
-            except Exception as error:  # one vehicle's checkpoint must not keep the service from starting
-                if not isinstance(error, CheckpointError):
-                    _LOG.exception("the checkpoint of %s/%s led to a fault of the program", *key)
-                text = f"the checkpoint of {key[0]}/{key[1]} is not used: {error}; the vehicle starts anew"
-                self._checkpoints.count("refused", text)
-                continue
-            known.messages.resume(saved.arrivals, saved.silent_s, context.clock())
-            with context.lock:
-                news = reinstate(key, known)
-                if not context.vehicles.resume(key, known):
-                    self._checkpoints.count("refused", f"there is no place for {key[0]}/{key[1]}")
-                    continue
-            self._checkpoints.count("resumed")
-            context.tell(key, news)
+            self.resume_one(saved, find, maker, reinstate, envelopes)
+
+    def resume_one(
+        self,
+        saved: SavedVehicle,
+        find: Callable[[str], Aircraft],
+        maker: MonitorMaker,
+        reinstate: Callable[[VehicleKey, KnownVehicle], list[Outgoing]],
+        envelopes: dict[tuple[str, str], Mapping[str, Envelope]],
+    ) -> None:
+        """One vehicle goes on from its checkpoint, if it can; what becomes of it is counted.
+
+        Args:
+            envelopes: expectations that have been read before, by type and configuration; read ones are added.
+        """
+        checkpoints, context, key = self._checkpoints, self._context, (saved.fleet, saved.vehicle)
+        if checkpoints is None:
+            return
+        if not goes_on(saved, context.settings.judge):
+            checkpoints.count("expired")
+            return
+        try:
+            known = resumed_vehicle(saved, find, maker, partial(self._stored, envelopes))
+        except Exception as error:  # one vehicle's checkpoint must not keep the service from starting
+            if not isinstance(error, CheckpointError):
+                _LOG.exception("the checkpoint of %s/%s led to a fault of the program", *key)
+            text = f"the checkpoint of {key[0]}/{key[1]} is not used: {error}; the vehicle starts anew"
+            checkpoints.count("refused", text)
+            return
+        known.messages.resume(saved.arrivals, saved.silent_s, context.clock())
+        with context.lock:
+            news = reinstate(key, known)
+            if not context.vehicles.resume(key, known):
+                checkpoints.count("refused", f"there is no place for {key[0]}/{key[1]}")
+                return
+        checkpoints.count("resumed")
+        context.tell(key, news)
+
+    def give_up(self, key: VehicleKey, known: KnownVehicle) -> None:
+        """Hand over the last state of a vehicle that is watched elsewhere from now on, with the lock held."""
+        if self._checkpoints is not None and (saved := self._saved(key, known)) is not None:
+            self._checkpoints.keep(saved, urgent=True)
 
     def _stored(
         self, known: dict[tuple[str, str], Mapping[str, Envelope]], aircraft: Aircraft, configuration: str

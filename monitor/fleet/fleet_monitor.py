@@ -32,12 +32,14 @@ from wingwatch.monitor.fleet.sample_way import SampleWay
 from wingwatch.monitor.fleet.settings import FleetSettings
 from wingwatch.monitor.fleet.views import FleetViews
 from wingwatch.monitor.ports import ActionRequest, Outputs, Store
+from wingwatch.monitor.positions import Place
 from wingwatch.monitor.record_views import FlightRecordView
 from wingwatch.monitor.vehicle.checkpoint import SavedVehicle
 from wingwatch.monitor.views import (
     SHELVED_S,
     AlertAction,
     AlertGroupView,
+    AlertState,
     AlertView,
     Event,
     FleetFigures,
@@ -103,7 +105,9 @@ class FleetMonitor:
         self._views = FleetViews(context, self._proposals)
         self._arrivals, self._overload = FleetArrivals(context, find_aircraft), FleetOverload(context)
         self._maker = MonitorMaker(new_id, self._settings.judge)
-        self._way = SampleWay(context, self._arrivals, self._alerts, self._views, self._maker)
+        self._way = SampleWay(
+            context, self._arrivals, self._alerts, self._views, self._maker, self._saving.give_up
+        )
         self._forgotten = 0
         self._alerts.repeat(self._alerts.read_earlier(_START_PATIENCE_S))
 
@@ -116,6 +120,39 @@ class FleetMonitor:
         self._saving.resume(self._find, self._maker, self._alerts.reinstate_earlier)
         with self._lock:
             self._way.begin()
+
+    def take_over(
+        self, fleet: str, vehicle: str, saved: SavedVehicle | None, alerts: Sequence[AlertView]
+    ) -> None:
+        """A vehicle is watched here from now on; to be called before its first message.
+
+        Args:
+            saved: its last checkpoint, from which it goes on; None where there is none.
+            alerts: its alerts as the database has them, newest first.
+        """
+        key = fleet, vehicle
+        with self._lock:
+            self._alerts.take(key, alerts)
+            known_here = self._vehicles.get(key) is not None
+        if saved is not None and not known_here:
+            self._saving.resume_one(saved, self._find, self._maker, self._alerts.reinstate_earlier, {})
+        with self._lock:
+            self._way.go_on(key)
+        in_force = [alert for alert in alerts if alert.state is not AlertState.CLEARED]
+        self._alerts.repeat(in_force[::-1])  # whoever watched it may have ended before it said so
+
+    def knows(self, fleet: str, vehicle: str) -> bool:
+        """Whether a vehicle is watched here."""
+        return self._vehicles.get((fleet, vehicle)) is not None
+
+    @property
+    def size(self) -> int:
+        """Vehicles that are remembered."""
+        return len(self._vehicles)
+
+    def tell_forgotten(self, forgotten: Callable[[VehicleKey], object]) -> None:
+        """Each vehicle that gives way to another name is named from now on, with the lock held."""
+        self._vehicles.tell = forgotten
 
     def unsaved(self) -> Iterator[SavedVehicle]:
         """States that have changed since they were saved, for whoever ends the service; one copied at a time."""
@@ -220,6 +257,10 @@ class FleetMonitor:
         """All known vehicles, worst state first; samples are taken in between some and the next."""
         return self._views.all()
 
+    def brief(self) -> Sequence[VehicleView]:
+        """All known vehicles in any order, without what is worked out for a view; cheap enough for every second."""
+        return self._views.brief()
+
     def vehicle(self, fleet: str, vehicle: str) -> VehicleView | None:
         """One vehicle; None for an unknown one."""
         with self._lock:
@@ -272,6 +313,11 @@ class FleetMonitor:
         """Alerts in force that are one event, largest first."""
         with self._lock:
             return self._alerts.groups()
+
+    def alert_places(self) -> Mapping[str, tuple[int, Place]]:
+        """Where and when alerts of icing were raised, by id, for whoever groups those of several monitors."""
+        with self._lock:
+            return self._alerts.places()
 
     def act_on_alert(
         self,

@@ -1,6 +1,6 @@
 """Ice on several vehicles of one area is one event: their alerts are shown as a group."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from wingwatch.monitor.positions import Place, Position, near_one_another
 from wingwatch.monitor.views import LEVELS, AlertGroupView, AlertState, AlertView
@@ -37,6 +37,17 @@ class IcingGroups:
             repeats, _ = self._places.get(alert.id, (-1, None))
             if alert.repeats > repeats:
                 self._places[alert.id] = alert.repeats, Place(position, at_s)
+
+    @property
+    def places(self) -> Mapping[str, tuple[int, Place]]:
+        """Where and when alerts in force were raised, by id, with how often each had come back by then."""
+        return dict(self._places)
+
+    def take(self, places: Mapping[str, tuple[int, Place]]) -> None:
+        """What others have remembered, too; of the same alert what was noted last."""
+        for name, (repeats, place) in places.items():
+            if repeats > self._places.get(name, (-1, None))[0]:
+                self._places[name] = repeats, place
 
     def groups(self, alerts: Sequence[AlertView]) -> list[AlertGroupView]:
         """Groups of at least two vehicles, largest first.

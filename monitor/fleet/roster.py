@@ -27,6 +27,7 @@ class Roster:
         alarmed: whether an alert of the vehicle stands.
 
     Attributes:
+        tell: called with the name of each vehicle that gives way.
         forgotten: vehicles that gave way; gone: what had been counted of them; refused: messages whose vehicle found no
             place.
     """
@@ -36,6 +37,7 @@ class Roster:
         self._vehicles: dict[VehicleKey, KnownVehicle] = {}
         self._strangers: dict[VehicleKey, None] = {}  # longest silent first
         self._full_until_s = float("-inf")
+        self.tell: Callable[[VehicleKey], object] = lambda _: None
         self.forgotten = 0
         self.gone: dict[str, int] = {}
         self.refused = 0
@@ -72,6 +74,14 @@ class Roster:
         self.sort(key)
         return True
 
+    def remove(self, key: VehicleKey) -> KnownVehicle | None:
+        """A vehicle is watched elsewhere from now on; what it has counted stays counted."""
+        known = self._vehicles.pop(key, None)
+        if known is not None:
+            known.add_counts(self.gone)
+            self._strangers.pop(key, None)
+        return known
+
     def sort(self, key: VehicleKey) -> None:
         """Put a vehicle where it belongs, after a message or when its aircraft may have become known."""
         self._strangers.pop(key, None)
@@ -89,6 +99,7 @@ class Roster:
         self._vehicles.pop(gone).add_counts(self.gone)
         self._strangers.pop(gone, None)
         self.forgotten += 1
+        self.tell(gone)
         return True
 
     def _silent(self, now_s: float) -> VehicleKey | None:

@@ -1,6 +1,6 @@
 """One sample's way: decoded, held, handed to its vehicle's monitor; what that leads to is kept, and given as news."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -48,6 +48,7 @@ class SampleWay:
         alerts: keeps what monitors find.
         views: show vehicles.
         maker: of monitors.
+        save_last: hands over the last state of a vehicle that is watched elsewhere from now on.
 
     Attributes:
         intake: what became of every message.
@@ -62,10 +63,12 @@ class SampleWay:
         alerts: FleetAlerts,
         views: FleetViews,
         maker: MonitorMaker,
+        save_last: Callable[[VehicleKey, KnownVehicle], None],
     ) -> None:
         self._context, self._settings, self._clock = context, context.settings, context.clock
         self._vehicles, self._lock = context.vehicles, context.lock
         self._arrivals, self._alerts, self._views, self._maker = arrivals, alerts, views, maker
+        self._save_last = save_last
         self.intake, self.solutions = Intake(), 0
         self.full: frozenset[VehicleKey] = frozenset()
         self._held = 0
@@ -82,6 +85,28 @@ class SampleWay:
         self._behind = {key: known for key, known in self._vehicles.items() if known.waiting}
         self.count_waiting()
         self.note_full()
+
+    def go_on(self, key: VehicleKey) -> None:
+        """A vehicle has gone on from the checkpoint of whoever watched it, with the samples that waited."""
+        known = self._vehicles.get(key)
+        if known is not None and known.waiting and known.watch is not None:
+            self._behind[key] = known
+            self.count_waiting()
+
+    def _give_up(self, key: VehicleKey, saved: bool) -> None:
+        """A vehicle is watched elsewhere from now on: nothing is said of it any more.
+
+        Args:
+            saved: whether its last state is saved; where another has gone on with it, what is known here is older.
+        """
+        known = self._vehicles.remove(key)
+        self._behind.pop(key, None)
+        self._recalling.pop(key, None)
+        if known is not None:
+            self._held -= known.waiting
+            if saved:
+                self._save_last(key, known)
+            self._context.ledger.give_up(key)
 
     def count_waiting(self) -> None:
         """Look through all vehicles for what waits of them."""
@@ -114,6 +139,10 @@ class SampleWay:
             key = message.fleet, message.vehicle
             if message.stream == "left":
                 self._arrivals.left(key, message.received_s)
+                continue
+            if message.stream in ("given_up", "dropped"):
+                ready.pop(key, None)
+                self._give_up(key, message.stream == "given_up")
                 continue
             known = self._vehicles.heard(key)
             if known is None:

@@ -1,7 +1,7 @@
 """A live fleet as operators see it: views of its vehicles, and the fleet in numbers."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -14,7 +14,7 @@ from wingwatch.monitor.fleet.roster import VehicleKey
 from wingwatch.monitor.vehicle.vehicle_monitor import VehicleMonitor, note_worst
 from wingwatch.monitor.views import FleetFigures, VehicleState, VehicleView
 
-__all__ = ["FleetViews"]
+__all__ = ["FleetViews", "worst_first"]
 
 _SHOWN_AT_ONCE = 32  # vehicles, between which samples are taken in
 _COUNTED_AT_ONCE = 500  # vehicles, likewise: 2 ms
@@ -27,6 +27,11 @@ _STATE_ORDER = (
     VehicleState.HEALTHY,
 )
 """Worst first."""
+
+
+def worst_first(views: Iterable[VehicleView]) -> list[VehicleView]:
+    """Vehicles by state, the worst first, then by name."""
+    return sorted(views, key=lambda v: (_STATE_ORDER.index(v.state), v.fleet, v.vehicle))
 
 
 class FleetViews:
@@ -47,7 +52,31 @@ class FleetViews:
         views: list[VehicleView] = []
         for start in range(0, len(everyone), _SHOWN_AT_ONCE):
             views += self._together(everyone[start : start + _SHOWN_AT_ONCE])
-        return sorted(views, key=lambda v: (_STATE_ORDER.index(v.state), v.fleet, v.vehicle))
+        return worst_first(views)
+
+    def brief(self) -> list[VehicleView]:
+        """All known vehicles without what is worked out for a view: state, reason, alerts, counts, age of samples."""
+        with self._context.lock:
+            everyone = list(self._context.vehicles.items())
+        views: list[VehicleView] = []
+        for start in range(0, len(everyone), _COUNTED_AT_ONCE):
+            with self._context.lock:
+                views += [self._brief(*one) for one in everyone[start : start + _COUNTED_AT_ONCE]]
+        return views
+
+    def _brief(self, key: VehicleKey, known: KnownVehicle) -> VehicleView:
+        context = self._context
+        now_s = context.clock()
+        state, reason = shown.standing(known, now_s, context.settings.stale_s)
+        monitor, received_s = known.monitor, known.messages.received_s
+        view = shown.bare_view(known, key, state, reason or ("" if monitor is None else monitor.reason))
+        ids = () if monitor is None else [alert.id for alert in monitor.active_alerts]
+        return replace(
+            view,
+            active_alerts=tuple(name for name in ids if name in context.ledger.ids),
+            last_sample_time_s=None if monitor is None else monitor.last_sample_time_s,
+            sample_age_s=None if received_s is None else max(now_s - received_s, 0.0),
+        )
 
     def one(self, key: VehicleKey, known: KnownVehicle) -> VehicleView:
         """One vehicle, with what its flight could have shown: most of the work of a view, and of its bytes."""

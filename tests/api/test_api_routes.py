@@ -171,6 +171,7 @@ def test_every_promised_path_is_described_with_its_errors(client: httpx.Client) 
     assert set(description["paths"]) == {
         "/v1/status",
         "/v1/fleet",
+        "/v1/fleet/workers",
         "/v1/vehicles",
         "/v1/vehicles/{vehicle}/manoeuvres",
         "/v1/vehicles/{vehicle}",

@@ -57,7 +57,7 @@ def test_messages_that_wait_too_long_are_told(service: Service, monkeypatch: pyt
         session.put(vehicle_key("default", "uav1", "sensors"), b"{}")
         until(lambda: service.counters()["messages"]["received"] == 1)
     assert problem(service, "messages") == ""  # not yet
-    monkeypatch.setattr("wingwatch.service.health._MOST_QUEUED_S", 0.3)
+    monkeypatch.setattr("wingwatch.service.watch_health._MOST_QUEUED_S", 0.3)
     until(lambda: "messages wait for" in problem(service, "messages"))
 
 
@@ -75,7 +75,7 @@ def test_vehicles_that_are_left_out_are_told(
 def test_a_thread_that_ended_is_told(service: Service) -> None:
     for part in ("zenoh", "database", "diagnoses"):
         assert problem(service, part) == ""
-    parts = service._parts
+    parts = service._parts.watch
     parts.outputs._ending = True
     parts.outputs._news.set()
     until(lambda: problem(service, "zenoh") == "the loop that publishes has ended.")
@@ -104,11 +104,11 @@ def test_a_write_that_hangs_is_told_after_a_minute(tmp_path: Path, monkeypatch: 
 
     monkeypatch.setattr(Database, "append_estimates", frozen)
     with service_in(tmp_path) as service:
-        store = service._parts.store
+        store = service._parts.watch.store
         assert store.behind_s == 0.0
         store.append_estimates([ESTIMATE])
         assert problem(service, "database") == ""
-        monkeypatch.setattr("wingwatch.service.health._MOST_BEHIND_S", 0.5)
+        monkeypatch.setattr("wingwatch.service.watch_health._MOST_BEHIND_S", 0.5)
         until(lambda: "to be written" in problem(service, "database"))
         answer.set()
         until(lambda: store.behind_s == 0.0)
@@ -240,7 +240,7 @@ def test_of_our_own_information_is_logged_of_others_warnings(
 def test_a_loop_that_fails_is_started_again_and_goes_on(
     service: Service, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    store, fails = service._parts.store, iter([OSError("no more threads")])
+    store, fails = service._parts.watch.store, iter([OSError("no more threads")])
     writing = store._writer._write
 
     def written() -> bool:

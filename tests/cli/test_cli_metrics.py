@@ -97,7 +97,7 @@ def problem(service: Service, part: str) -> str:
 
 
 def test_threads_that_ended_are_named_on_ready_status_and_metrics(service: Service) -> None:
-    parts = service._parts
+    parts = service._parts.watch
     assert problem(service, "messages") == problem(service, "checkpoints") == ""
     parts.subscriber._ending.set()
     until(lambda: problem(service, "messages") == "the loop that takes messages over from Zenoh has ended.")
@@ -126,7 +126,7 @@ def test_messages_in_hand_for_too_long_are_named_until_they_are_done(
 def test_a_database_that_fails_is_on_the_status_and_heals(
     service: Service, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    store = service._parts.store
+    store = service._parts.watch.store
     monkeypatch.setattr(store._writer, "problem", "the database is full")
     said = httpx.get(f"{service.url}/v1/status").json()
     assert said["problems"]["database"] == said["database"] == "the database is full."

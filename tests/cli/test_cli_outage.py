@@ -138,10 +138,10 @@ def test_states_that_cannot_be_saved_are_said_and_it_heals(tmp_path: Path) -> No
         assert problem() is None
         place = tmp_path / "wingwatch.db.checkpoints"
         place.write_text("in the way")
-        service._parts.checkpoints.write(saved("a"))
+        service._parts.watch.checkpoints.write(saved("a"))
         assert str(problem()).startswith("states of vehicles are not saved: FileExistsError")
         place.unlink()
-        service._parts.checkpoints.write(saved("a"))
+        service._parts.watch.checkpoints.write(saved("a"))
         assert problem() is None
 
 

@@ -28,6 +28,7 @@ function head(vehicle) {
       ["Furthest off", worst(vehicle.worst)],
       ["Last sample", last === null ? "none" : `${fixed(last, 1)} s on its clock`],
       ["Basis", vehicle.basis_text || vehicle.basis || "nothing compared yet"],
+      ...(vehicle.worker ? [["Watched by", `worker ${vehicle.worker}`]] : []),
     ]));
   if (vehicle.proposed_input) node.append(proposal(vehicle.proposed_input));
   return node;

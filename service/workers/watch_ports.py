@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from wingwatch.baselines import Lease, Leases, VehicleName
-from wingwatch.service.shares import Worker
+from wingwatch.service.workers.shares import Worker
 
 __all__ = ["KeeperPorts", "LeasePort", "MembersPort", "MovesPort", "WatchPort"]
 

@@ -8,8 +8,8 @@ from watch_histories import history
 from watch_world import Broken, Process, World
 
 from wingwatch.baselines import LEASE_S, DatabaseError, Lease, VehicleName
-from wingwatch.service.shares import Shares, Situation
-from wingwatch.service.watch_keeping import WatchKeeper
+from wingwatch.service.workers.shares import Shares, Situation
+from wingwatch.service.workers.watch_keeping import WatchKeeper
 
 MOVES_PER_S = 4.0
 

@@ -14,8 +14,8 @@ from typing import Any, Protocol, Self
 import zenoh
 
 from wingwatch.baselines import VehicleName
-from wingwatch.service.membership import worker_key
 from wingwatch.telemetry.keys import KeyNameError, check_name
+from wingwatch.telemetry.worker_keys import worker_key
 
 __all__ = ["Keeper", "ZenohMoves"]
 
@@ -27,7 +27,7 @@ _RELEASED = b"released"
 
 
 class Keeper(Protocol):
-    """Answers (``wingwatch.service.watch_keeping.WatchKeeper``); both methods return at once."""
+    """Answers (``wingwatch.service.workers.watch_keeping.WatchKeeper``); both methods return at once."""
 
     def release(self, vehicle: VehicleName, asker: str, answer: Callable[[bytes | None], None]) -> None:
         """Another worker asks for a vehicle."""

@@ -13,15 +13,16 @@ from loopback import free_endpoint
 
 from wingwatch.baselines import Lease, LeaseLostError, LeaseTable, VehicleName, open_database
 from wingwatch.monitor import AlertState, AlertView
-from wingwatch.service.health import connected
-from wingwatch.service.membership import Membership, new_worker_name, worker_key
-from wingwatch.service.shares import Worker
 from wingwatch.service.store import DatabaseStore
 from wingwatch.service.stored_alerts import alert_record
-from wingwatch.service.watch_keeping import WatchKeeper
-from wingwatch.service.watch_ports import KeeperPorts
-from wingwatch.service.worker_moves import ZenohMoves
+from wingwatch.service.watch import connected
+from wingwatch.service.workers.membership import Membership
+from wingwatch.service.workers.shares import Worker
+from wingwatch.service.workers.watch_keeping import WatchKeeper
+from wingwatch.service.workers.watch_ports import KeeperPorts
+from wingwatch.service.workers.worker_moves import ZenohMoves
 from wingwatch.telemetry import KeyNameError, ZenohSettings, open_session
+from wingwatch.telemetry.worker_keys import new_worker_name, token_key, worker_key
 
 PATIENCE_S = 60.0
 UAV = ("default", "uav1")
@@ -64,7 +65,7 @@ def session_of(stack: ExitStack, endpoint: str) -> zenoh.Session:
     return stack.enter_context(open_session(link(endpoint)))
 
 
-def member(stack: ExitStack, endpoint: str, name: str, capacity: int = 200) -> Membership:
+def member(stack: ExitStack, endpoint: str, name: str, capacity: float = 200.0) -> Membership:
     session = session_of(stack, endpoint)
     made = stack.enter_context(
         Membership(session, name, capacity, lambda: connected(session, link(endpoint)))
@@ -105,6 +106,27 @@ def test_a_worker_that_leaves_is_seen_without_capacity_before_it_goes(
     until(lambda: set(first.workers()) == {"w1"})
 
 
+@pytest.mark.usefixtures("router")
+def test_a_worker_that_is_not_ready_takes_nothing_beside_others_and_all_where_there_are_none(
+    endpoint: str, stack: ExitStack
+) -> None:
+    session, ready = session_of(stack, endpoint), threading.Event()
+    alone = stack.enter_context(Membership(session, "w1", 1.0, lambda: True, ready.is_set))
+    alone.appear()
+    until(lambda: alone.workers() == {"w1": Worker("w1", 1.0)})
+    changes = threading.Event()
+    late = Membership(session_of(stack, endpoint), "w2", 1.0, lambda: True, ready.is_set, changes.set)
+    stack.enter_context(late)
+    until(lambda: late.workers() == {"w1": Worker("w1", 1.0), "w2": Worker("w2", 0.0)})
+    changes.clear()
+    late.appear()
+    assert late.workers()["w2"].capacity == 0.0
+    ready.set()
+    late.appear()
+    until(lambda: alone.workers() == {"w1": Worker("w1", 1.0), "w2": Worker("w2", 1.0)})
+    assert changes.wait(PATIENCE_S)
+
+
 def test_a_lost_router_is_noticed_and_everybody_is_seen_again_afterwards(
     endpoint: str, stack: ExitStack
 ) -> None:
@@ -128,7 +150,9 @@ def test_what_is_no_token_and_no_load_is_counted(
         return first.workers() == {"w1": Worker("w1", 200, 0.5)}
 
     until(linked)
-    tokens = [f"{root}/alive/{what}" for what in ("W1/200", "w3/-1", "w3/many", "w3/1e3", f"w3/{10**9}")]
+    tokens = [
+        f"{root}/alive/{what}" for what in ("W1/200", "w3/-1", "w3/many", "w3/1e3", f"w3/{10**9}", "w3/.")
+    ]
     declared = [router.liveliness().declare_token(key) for key in tokens]
     for load in ("much", "nan", "-1"):
         router.put(f"{root}/w1/load", load)
@@ -136,14 +160,16 @@ def test_what_is_no_token_and_no_load_is_counted(
     router.put(f"{root}/w1/load", "0.25")
     until(lambda: first.workers() == {"w1": Worker("w1", 200, 0.25)})
     until(lambda: first.strange == len(tokens) + 1)
-    assert len(declared) == 5
+    assert len(declared) == 6
 
 
 def test_names_and_capacities_that_cannot_be_are_refused(router: zenoh.Session) -> None:
     with pytest.raises(KeyNameError, match="worker 'A/b' is no valid name"):
         Membership(router, "A/b", 200, lambda: True)
-    with pytest.raises(ValueError, match="the capacity is 0; give a number of vehicles from 1"):
+    with pytest.raises(ValueError, match=r"the capacity is 0; give a number from 0\.001 to 1000"):
         Membership(router, "w1", 0, lambda: True)
+    with pytest.raises(KeyNameError, match="the workers' tokens stand there"):
+        Membership(router, "alive", 200, lambda: True)
     with pytest.raises(KeyNameError, match="too long a name"):
         new_worker_name("w" * 60)
     with pytest.raises(KeyNameError, match="no valid name"):
@@ -151,6 +177,8 @@ def test_names_and_capacities_that_cannot_be_are_refused(router: zenoh.Session) 
     assert new_worker_name("hangar") != new_worker_name("hangar")
     assert worker_key(new_worker_name("hangar"), "release").startswith("wingwatch/workers/v1/hangar-")
     assert len(new_worker_name("w" * 54)) == 63
+    shown = [token_key("w1", capacity).rpartition("/")[2] for capacity in (0.0, 1.0, 2.5, 200)]
+    assert shown == ["0", "1", "2.5", "200"]
 
 
 # -- what they say about vehicles ---------------------------------------------------------------------------
@@ -215,7 +243,7 @@ def test_an_answer_may_come_later_or_never_and_counts_once(
     two: tuple[ZenohMoves, Answering, ZenohMoves], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asking, keeper, _ = two
-    monkeypatch.setattr("wingwatch.service.worker_moves._TIMEOUT_S", 0.3)
+    monkeypatch.setattr("wingwatch.service.workers.worker_moves._TIMEOUT_S", 0.3)
     answers: list[bytes | None] = []
     asking.ask("nobody", UAV, answers.append)
     until(lambda: answers == [None])

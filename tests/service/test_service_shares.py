@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from wingwatch.baselines import Holder, VehicleName
-from wingwatch.service.shares import Ask, Pace, Plan, Shares, Situation, Worker, score
+from wingwatch.service.workers.shares import Ask, Pace, Plan, Shares, Situation, Worker, score
 
 FLEET: list[VehicleName] = [("default", f"uav{k}") for k in range(4000)]
 UAV = ("default", "uav1")

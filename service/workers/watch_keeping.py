@@ -17,10 +17,10 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from wingwatch.baselines import LEASE_S, DatabaseError, Holder, Lease, Leases, VehicleName
-from wingwatch.service.shares import Ask, Pace, Shares, Situation
-from wingwatch.service.watch_ports import KeeperPorts
+from wingwatch.service.workers.shares import Ask, Pace, Shares, Situation
+from wingwatch.service.workers.watch_ports import KeeperPorts
 
-__all__ = ["WatchKeeper"]
+__all__ = ["LEAVE_S", "WatchKeeper"]
 
 _LOG = logging.getLogger(__name__)
 _EVERY_S = 1.0
@@ -31,7 +31,8 @@ _LOOK_AT_THE_ABSENT_S = 5.0
 _LATE_S = 2.0
 """For so long a worker may be on the network without a lease: the database's clock may have jumped, or it is slow."""
 _ANSWER_S = 5.0
-_LEAVE_S = 10.0
+LEAVE_S = 10.0
+"""How long a worker that leaves waits for others to take its vehicles."""
 _STARTED_AT_ONCE = 20
 _MOST_EVENTS = 10_000
 _MOST_STATES = 500
@@ -45,6 +46,7 @@ class WatchKeeper:
         me: this worker's name; it must be new at each start.
         ports: the outside.
         clock: monotonic seconds.
+        leave_s: how long it waits for others to take its vehicles once it leaves.
 
     Attributes:
         news: set when there is something to do before the next round.
@@ -52,8 +54,10 @@ class WatchKeeper:
         problem: why leases are not kept; None while they are.
     """
 
-    def __init__(self, me: str, ports: KeeperPorts, clock: Callable[[], float]) -> None:
-        self.me, self._ports, self._clock = me, ports, clock
+    def __init__(
+        self, me: str, ports: KeeperPorts, clock: Callable[[], float], leave_s: float = LEAVE_S
+    ) -> None:
+        self.me, self._ports, self._clock, self.leave_s = me, ports, clock, leave_s
         self._held: dict[VehicleName, Lease] = {}
         self._stopped: set[VehicleName] = set()  # ours, and not watched: to be given up
         self._states: dict[VehicleName, tuple[float, bytes]] = {}  # handed over, and not taken yet
@@ -112,7 +116,7 @@ class WatchKeeper:
         self._post(lambda: self._forget(list(vehicles)))
 
     def leave(self) -> None:
-        """Hand everything over and end: ``left`` is set within some ten seconds."""
+        """Hand everything over and end: ``left`` is set about ``leave_s`` later at the latest."""
         self._post(self._retire)
 
     def _post(self, event: Callable[[], None]) -> None:
@@ -121,10 +125,15 @@ class WatchKeeper:
 
     # -- in the keeper's thread -----------------------------------------------------------------------
 
-    def run(self) -> None:
-        """Keep the share until it is left."""
+    def run(self, each: Callable[[], object] = lambda: None) -> None:
+        """Keep the share until it is left.
+
+        Args:
+            each: called before each step: once a second, and when there is news.
+        """
         while not self.left.is_set():
             self.news.wait(max(0.0, self._due_s - self._clock()))
+            each()
             self.step()
 
     def step(self) -> None:
@@ -390,7 +399,7 @@ class WatchKeeper:
 
     def _end_where_done(self, since_s: float) -> None:
         others = any(w.capacity > 0.0 and w.name != self.me for w in self._ports.members.workers().values())
-        if self._held and others and self._clock() - since_s < _LEAVE_S:
+        if self._held and others and self._clock() - since_s < self.leave_s:
             return
         try:
             self._ports.watch.stop(list(self._held))
