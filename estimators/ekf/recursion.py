@@ -64,6 +64,7 @@ from wingwatch.estimators.kernels.levels import start_level
 from wingwatch.estimators.kernels.reading_noise import forget_readings
 from wingwatch.estimators.lanes import Lanes, all_lanes
 from wingwatch.estimators.signals import CONDITION_COLUMNS
+from wingwatch.kernels.by_address import ByAddress
 from wingwatch.kernels.decorators import hot, lean, part, sizes, whole, whole_entry
 from wingwatch.telemetry import MAX_GAP_S
 
@@ -410,11 +411,11 @@ def run_again(model: Model, state: Running, signals: Array, ends: NDArray[np.int
     notes = _notes(model, ends.size)
     state.moments[:] = 0.0
     rows = signals[None], all_lanes(1, len(signals))
-    _update_all(_lengths(model), model, state, rows, ends, False, notes)
+    _update_all(_lengths(model), ByAddress(model), ByAddress(state), rows, ends, False, notes)
     return notes
 
 
 def update_all(model: Model, state: EkfState, signals: Array, lanes: Lanes) -> None:
     """Run all samples of some vehicles, (vehicles, samples, columns)."""
     ends = np.array([signals.shape[1]])
-    _update_all(_lengths(model), model, running(state), (signals, lanes), ends, True, _notes(model, 0))
+    _update_all(_lengths(model), ByAddress(model), ByAddress(running(state)), (signals, lanes), ends, True, _notes(model, 0))
