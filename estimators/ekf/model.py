@@ -224,7 +224,10 @@ def transition_into(model, z, step, work):  # type: ignore[no-untyped-def]
         work.system, work.after, work.jacobian, work.series, work.mean_decay,
     )  # fmt: skip
     if gusts > 0:
-        lasting[ACCELERATION], lasting[TURN] = mean_decay(step.decay[ACCELERATION]), mean_decay(step.decay[TURN])
+        lasting[ACCELERATION], lasting[TURN] = (
+            mean_decay(step.decay[ACCELERATION]),
+            mean_decay(step.decay[TURN]),
+        )
     _rates(model, z, step, work)
     for k in range(ns):
         for j in range(ns):

@@ -6,6 +6,7 @@ from wingwatch.estimators.ekf.coherence import coherent_dispersion
 from wingwatch.estimators.ekf.covariance import forget, inverse_of, leave_out, of_derivatives, reseat
 from wingwatch.estimators.ekf.inputs import input_noise_information
 from wingwatch.estimators.ekf.recursion import WARM_UP
+from wingwatch.estimators.ekf.rerun import INFORMED
 from wingwatch.estimators.ekf.scatter import begin_block, close_block
 from wingwatch.estimators.ekf.state import FIRST_READING, NEWEST, READINGS, SQUARES, SUM, TIME, VANE
 from wingwatch.estimators.kernels.symmetric import invert
@@ -23,9 +24,6 @@ ALMOST_HALF_S = 0.45
 
 MOVED_S = 1.75
 """Time that a motion is given to die out."""
-
-INFORMED = 0.98
-"""Fraction of its variance below which a derivative has been informed."""
 
 NOISE_FRACTION = 0.5
 """Fraction of all that is known of an input's derivatives beyond which a half second of its noise is not corrected
