@@ -52,7 +52,7 @@ from wingwatch.estimators.ekf.state import (
     put_vehicle,
     sizes_of,
 )
-from wingwatch.estimators.ekf.window import SOLUTIONS, WINDOW_ROWS, begin_window, remember
+from wingwatch.estimators.ekf.window import NOT_KEPT, SOLUTIONS, WINDOW_ROWS, begin_window, remember
 from wingwatch.estimators.estimate import Estimate
 from wingwatch.estimators.kernels.apart import apart
 from wingwatch.estimators.kernels.dispersion import dispersion_workspace
@@ -195,7 +195,7 @@ class EkfEstimator:
             gained_vector=np.zeros((n, k)),
             scatter=no_scatter(n, ns, k),
             window=Window(
-                rows=np.zeros((n, WINDOW_ROWS, columns), dtype=np.float32),
+                rows=np.zeros((n, WINDOW_ROWS, columns - NOT_KEPT), dtype=np.float32),
                 filled=none.copy(),
                 middle=none.copy(),
                 solutions=none.copy(),
@@ -231,8 +231,7 @@ class EkfEstimator:
         """
         signals = self.layout.checked(signals)
         lanes = lanes or all_lanes(*signals.shape[:2])
-        complete = self.layout.kinematic + 5
-        remember(signals, lanes, complete, state.rows, state.window.rows, state.window.filled)
+        remember(signals, lanes, self.layout.kinematic, state.rows, state.window.rows, state.window.filled)
         if self.config.engine == "filterpy":
             from wingwatch.estimators.ekf import (
                 filterpy_engine,  # it takes half a second that a service has no use for

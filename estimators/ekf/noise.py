@@ -166,7 +166,7 @@ def process_noise(model, noise, i, jacobian, step):  # type: ignore[no-untyped-d
 
 @hot
 def process_noise_into(model, noise, i, jacobian, step, work, q):  # type: ignore[no-untyped-def]
-    """The lower triangle of ``process_noise`` into ``q``, the sum above as w w' + u u' / 12 with w = v + u / 2; ``work``
+    """The lower triangle of ``process_noise`` into ``q``, the sum above as w w' + u u' / 12, w = v + u / 2; ``work``
     is (2, nx)."""
     ns, gusts = model.sizes.states, model.sizes.gusts
     driven = ns + (1 if gusts > 0 else 0)

@@ -73,7 +73,9 @@ def _go_to(rerun: Rerun, one: EkfState, since_s: float) -> int | None:
     """
     window, points = one.window, one.window.checkpoints
     solutions, beginning = int(window.solutions[0]), points.rows[0, 0].copy()
-    rows = recalled(window.rows[0, : int(window.filled[0])], float(beginning[NEWEST, TIME]))
+    rows = recalled(
+        window.rows[0, : int(window.filled[0])], float(beginning[NEWEST, TIME]), rerun.model.sizes.kinematic
+    )
     ends = window.ends[0, :solutions]
     before = int(np.sum(rows[ends - 1, TIME] <= since_s))
     if before == solutions or np.isnan(since_s):

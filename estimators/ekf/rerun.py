@@ -312,7 +312,8 @@ class Rerun:
         for part in _OTHERS:
             getattr(room.run, part)[0] = getattr(state, part)[i]
         _begin(self.by_address, packed, i, before, self._room)
-        rows = recalled(window.rows[i, : int(window.filled[i])], float(room.run.rows[0, NEWEST, TIME]))
+        kept, before_s = window.rows[i, : int(window.filled[i])], float(room.run.rows[0, NEWEST, TIME])
+        rows = recalled(kept, before_s, self.model.sizes.kinematic)
         ends = window.ends[i, : int(window.solutions[i])]
         self._runner.again(self._run, rows, ends, room.notes)
         if not _end(self.by_address, packed, i, self._room):
