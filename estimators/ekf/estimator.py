@@ -54,8 +54,8 @@ from wingwatch.estimators.ekf.state import (
 )
 from wingwatch.estimators.ekf.window import NOT_KEPT, SOLUTIONS, WINDOW_ROWS, begin_window, remember
 from wingwatch.estimators.estimate import Estimate
+from wingwatch.estimators.evidence.dispersion import dispersion_workspace
 from wingwatch.estimators.kernels.apart import apart
-from wingwatch.estimators.kernels.dispersion import dispersion_workspace
 from wingwatch.estimators.kernels.intersample import servos_of
 from wingwatch.estimators.kernels.levels import LEVELS
 from wingwatch.estimators.kernels.reading_noise import READING_MEMORY

@@ -41,7 +41,7 @@ at most a quarter. Quiet flight, where J comes of noise, and a derivative just r
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.estimators.ekf.rerun import Belief, Rerun
+from wingwatch.estimators.ekf.rerun import Rerun
 from wingwatch.estimators.ekf.state import ESTIMATED, EXPECTED, KEPT, EkfState, Model, Solved
 from wingwatch.estimators.ekf.window import (
     WINDOW_ROWS,
@@ -49,6 +49,7 @@ from wingwatch.estimators.ekf.window import (
     begin_window,
     innovation_log_variance,
 )
+from wingwatch.estimators.evidence.information import Belief
 from wingwatch.kernels.by_address import ByAddress
 from wingwatch.kernels.copying import copy_into
 from wingwatch.kernels.decorators import part, whole

@@ -13,8 +13,8 @@ from wingwatch.estimators.ekf.inputs import input_noise_information
 from wingwatch.estimators.ekf.recursion import Notes, Runner, notes_of
 from wingwatch.estimators.ekf.state import NEWEST, TIME, EkfState, Model, Running, one_vehicle, running
 from wingwatch.estimators.ekf.window import SOLUTIONS, innovation_log_variance, recalled
+from wingwatch.estimators.evidence.information import Belief, Information, believe, inverse_into, times
 from wingwatch.estimators.kernels.apart import apart
-from wingwatch.estimators.kernels.symmetric import invert
 from wingwatch.kernels.by_address import ByAddress
 from wingwatch.kernels.copying import copy_into
 from wingwatch.kernels.decorators import helper, whole
@@ -28,20 +28,6 @@ INFORMED = 0.98
 
 _NARROW = 1e-4
 """Variance of the derivatives in a run about a fixed point, over what is known of them: a hundredth of an error."""
-
-
-class Information(NamedTuple):
-    """On the derivatives: matrix (k, k) and vector (k,)."""
-
-    matrix: Array
-    vector: Array
-
-
-class Belief(NamedTuple):
-    """About the derivatives: mean (k,) and covariance (k, k)."""
-
-    value: Array
-    covariance: Array
 
 
 class Before(NamedTuple):
@@ -91,28 +77,6 @@ def _room(model: Model, state: EkfState) -> Room:
 
 
 @helper
-def _inverse(matrix, work, out):  # type: ignore[no-untyped-def]
-    """Inverse of a symmetric matrix into ``out``; returns whether the matrix is positive definite and finite."""
-    n = matrix.shape[0]
-    for a in range(n):
-        for b in range(n):
-            work[a, b] = matrix[a, b]
-    invert(work, out)
-    sound = True
-    for a in range(n):
-        sound = sound and 0.0 < work[a, a] < np.inf
-    return sound
-
-
-@helper
-def _times(matrix, vector, out):  # type: ignore[no-untyped-def]
-    for a in range(out.size):
-        out[a] = 0.0
-        for b in range(vector.size):
-            out[a] += matrix[a, b] * vector[b]
-
-
-@helper
 def _forget(model, known, before, span, notes, s):  # type: ignore[no-untyped-def]
     """What solution ``s`` does to what is known: what rested (``before``: as known before the half second), information
     that came of reading errors, forgetting."""
@@ -159,15 +123,15 @@ def _put_together(model, fixed, span, notes, known, middle):  # type: ignore[no-
         np.empty(square),
     )
     seen_vector, before = np.empty(k), Before(np.empty(square), np.empty(k))
-    _inverse(fixed.covariance, work, seen)
-    _times(seen, fixed.value, seen_vector)
-    _inverse(known.matrix, work, known_covariance)
+    inverse_into(fixed.covariance, work, seen)
+    times(seen, fixed.value, seen_vector)
+    inverse_into(known.matrix, work, known_covariance)
     for s in range(span.ends.size):
         value = notes.z[s, first : first + k]
-        if not _inverse(notes.cov[s, first : first + k, first : first + k], work, fresh):
+        if not inverse_into(notes.cov[s, first : first + k, first : first + k], work, fresh):
             return False
         copy_into(known.matrix, before.matrix)
-        _times(known_covariance, known.vector, before.value)
+        times(known_covariance, known.vector, before.value)
         for a in range(k):
             now_vector = 0.0
             for b in range(k):
@@ -177,7 +141,7 @@ def _put_together(model, fixed, span, notes, known, middle):  # type: ignore[no-
             known.vector[a] += now_vector - seen_vector[a]
             seen_vector[a] = now_vector
         _forget(model, known, before, span, notes, s)
-        if not _inverse(known.matrix, work, known_covariance):
+        if not inverse_into(known.matrix, work, known_covariance):
             return False
         if span.ends[s] == span.middle:
             copy_into(known.matrix, middle.matrix)
@@ -188,8 +152,7 @@ def _put_together(model, fixed, span, notes, known, middle):  # type: ignore[no-
 @helper
 def _put(z, cov, known, work, covariance, value, first):  # type: ignore[no-untyped-def]
     """The derivatives of one vehicle's mean and covariance become what is ``known`` of them; else is workspace."""
-    _inverse(known.matrix, work, covariance)
-    _times(covariance, known.vector, value)
+    believe(known.matrix, known.vector, work, covariance, value)
     reseat(z, cov, value, covariance, first)
 
 
@@ -209,7 +172,7 @@ def _begin(model, state, i, before, room):  # type: ignore[no-untyped-def]
     copy_into(points.cov[i, 0], run.cov[0])
     copy_into(points.rows[i, 0], run.rows[0])
     copy_into(points.information[i, 0], known.matrix)
-    _times(known.matrix, run.z[0, first : first + k], known.vector)
+    times(known.matrix, run.z[0, first : first + k], known.vector)
     run.moment_level.mean[0] = 0.0
     run.moment_level.covariance[0] = 0.0
     run.moments[0] = 0.0
@@ -272,8 +235,8 @@ def _account(model, state, i):  # type: ignore[no-untyped-def]
         state.vector[i],
     )
     work, moved_s = np.empty((k, k)), np.max(state.moved_s[i, : model.sizes.states])
-    _inverse(state.cov[i, first : first + k, first : first + k], work, information)
-    _times(information, state.z[i, first : first + k], vector)
+    inverse_into(state.cov[i, first : first + k, first : first + k], work, information)
+    times(information, state.z[i, first : first + k], vector)
     for a in range(k):
         own = state.cov[i, first + a, first + a]
         if own < INFORMED * state.variance[i, a]:
