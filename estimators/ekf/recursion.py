@@ -389,7 +389,7 @@ def notes_of(model: Model, solutions: int) -> Notes:
 
 
 class Runner:
-    """Runs rows through one filter; what kernels are told of its model and its state is written once.
+    """Runs rows through one filter; for kernels its model and its state are described once.
 
     Args:
         model: of the filter.

@@ -1,4 +1,4 @@
-"""A vehicle's window of recent rows run again, linearised about one point; what for is told in ``relinearise``.
+"""A vehicle's window of recent rows run again, linearised about one point; ``relinearise`` says why.
 
 Python copies one vehicle's filter into a ``Room`` and back, kernels do the rest: a window costs what its rows cost.
 """
