@@ -26,6 +26,9 @@ Array = NDArray[np.float64]
 INFORMED = 0.98
 """Fraction of its variance below which a derivative has been informed."""
 
+USUAL = 24
+"""Solutions of a window of twelve seconds."""
+
 _NARROW = 1e-4
 """Variance of the derivatives in a run about a fixed point, over what is known of them: a hundredth of an error."""
 
@@ -58,7 +61,7 @@ class Room(NamedTuple):
     run: Running
     """One vehicle's filter, a batch of one."""
     notes: Notes
-    """For as many solutions as a window may hold."""
+    """For as many solutions as a window holds."""
     fixed: Belief
     """The point, and the covariance of the derivatives at the run's beginning."""
     known: Information
@@ -67,13 +70,13 @@ class Room(NamedTuple):
     """At the second checkpoint."""
 
 
-def _room(model: Model, state: EkfState) -> Room:
-    """For a filter with states such as this one."""
+def _room(model: Model, state: EkfState, solutions: int) -> Room:
+    """For a filter with states such as this one, and windows of so many solutions at most."""
     k = state.vector.shape[1]
     square = np.zeros((k, k))
     fixed, known = Belief(np.zeros(k), square.copy()), Information(square.copy(), np.zeros(k))
     middle = Information(square.copy(), np.zeros(k))
-    return apart(Room(one_vehicle(running(state), 0), notes_of(model, SOLUTIONS), fixed, known, middle))
+    return apart(Room(one_vehicle(running(state), 0), notes_of(model, solutions), fixed, known, middle))
 
 
 @helper
@@ -214,7 +217,7 @@ def _end(model, state, i, room):  # type: ignore[no-untyped-def]
                 points.covariance[i, m, a, b] = state.cov[i, first + a, first + b]
     if middle_row > 0:
         at = 0
-        while span.ends[at] != middle_row:
+        while at < count - 1 and span.ends[at] != middle_row:
             at += 1
         copy_into(notes.z[at], points.z[i, 1])
         copy_into(notes.cov[at], points.cov[i, 1])
@@ -228,12 +231,8 @@ def _end(model, state, i, room):  # type: ignore[no-untyped-def]
 @whole
 def _account(model, state, i):  # type: ignore[no-untyped-def]
     """What follows from a vehicle's new covariance."""
-    first, k, information, vector = (
-        model.sizes.dynamic,
-        state.vector.shape[1],
-        state.information[i],
-        state.vector[i],
-    )
+    information, vector = state.information[i], state.vector[i]
+    first, k = model.sizes.dynamic, vector.size
     work, moved_s = np.empty((k, k)), np.max(state.moved_s[i, : model.sizes.states])
     inverse_into(state.cov[i, first : first + k, first : first + k], work, information)
     times(information, state.z[i, first : first + k], vector)
@@ -254,8 +253,7 @@ class Rerun:
     def __init__(self, model: Model) -> None:
         self.model = model
         self.by_address, self._runner = ByAddress(model), Runner(model)
-        self._room: ByAddress | None = None
-        self._run: ByAddress | None = None
+        self._rooms: tuple[ByAddress, ByAddress] | None = None  # a ``Room`` and the ``Running`` in it
 
     def window(self, state: EkfState, i: int, packed: ByAddress | None = None, before: bool = False) -> bool:
         """A vehicle's window again about the present estimate, or about what was known ``before`` it: its state and
@@ -264,27 +262,32 @@ class Rerun:
         ``packed``: the state by address, where that is at hand. Returns whether it did: a run that leaves no sound
         covariance is left out.
         """
-        if self._room is None:
-            self._room = ByAddress(_room(self.model, state))
-            self._run = ByAddress(self._room.named.run)
-        packed, room = packed or ByAddress(state), self._room.named
-        window = state.window
+        window, packed = state.window, packed or ByAddress(state)
+        of_room, of_run = self._room_for(state, int(window.solutions[i]))
+        room = of_room.named
         for part in _LEARNED:
             for kept, all_of_them in zip(getattr(room.run, part), getattr(state, part), strict=True):
                 kept[0] = all_of_them[i]
         for part in _OTHERS:
             getattr(room.run, part)[0] = getattr(state, part)[i]
-        _begin(self.by_address, packed, i, before, self._room)
+        _begin(self.by_address, packed, i, before, of_room)
         kept, before_s = window.rows[i, : int(window.filled[i])], float(room.run.rows[0, NEWEST, TIME])
         rows = recalled(kept, before_s, self.model.sizes.kinematic)
         ends = window.ends[i, : int(window.solutions[i])]
-        self._runner.again(self._run, rows, ends, room.notes)
-        if not _end(self.by_address, packed, i, self._room):
+        self._runner.again(of_run, rows, ends, room.notes)
+        if not _end(self.by_address, packed, i, of_room):
             return False
         for part in ("noise", "input_errors", "moment_level"):
             for kept, new in zip(getattr(state, part), getattr(room.run, part), strict=True):
                 kept[i] = new[0]
         return True
+
+    def _room_for(self, state: EkfState, solutions: int) -> tuple[ByAddress, ByAddress]:
+        """Room for a window with so many solutions, and the ``Running`` in it, by address."""
+        if self._rooms is None or len(self._rooms[0].named.notes.z) < solutions:
+            room = _room(self.model, state, USUAL if solutions <= USUAL else SOLUTIONS)
+            self._rooms = ByAddress(room), ByAddress(room.run)
+        return self._rooms
 
     def window_and_account(self, state: EkfState, i: int, packed: ByAddress, before: bool = False) -> bool:
         """``window``, and what follows from the derivatives' new covariance; returns whether it did."""
