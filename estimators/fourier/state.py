@@ -237,11 +237,11 @@ class Checkpoints(NamedTuple):
 
     Attributes:
         bank, rows, sums, roughness: (checkpoints, ...) as in ``Block``, but of the rows only the last, (checkpoints,
-            columns).
+            columns), and of the bank in single precision.
         gained: (checkpoints, ...) what the block had added to the memory.
     """
 
-    bank: Array
+    bank: NDArray[np.float32]
     rows: Array
     sums: Array
     roughness: Array

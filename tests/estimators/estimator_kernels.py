@@ -9,10 +9,11 @@ import numpy as np
 from numba.core.registry import CPUDispatcher
 from numpy.typing import NDArray
 
+from wingwatch.estimators.evidence import change
+from wingwatch.estimators.evidence.forgetting import forgetting_workspace, replaced
 from wingwatch.estimators.fourier import bank as transforms
-from wingwatch.estimators.fourier import between, change, checkpoints
+from wingwatch.estimators.fourier import between, checkpoints
 from wingwatch.estimators.fourier.directions import directions_workspace, reduce_information
-from wingwatch.estimators.fourier.forgetting import forgetting_workspace, replaced
 from wingwatch.estimators.fourier.solution import zero_memory
 from wingwatch.estimators.fourier.state import (
     Block,
@@ -136,7 +137,11 @@ def since_checkpoint(omega: Real, block: Block, checkpoint: Block) -> Block:
     k = 1
     kept = Memory(np.empty((1, k, k)), np.empty((1, k, k)), np.empty((1, k)), np.empty((1, k)))
     points = Checkpoints(
-        checkpoint.bank[None], checkpoint.rows[1:2], checkpoint.sums[None], checkpoint.roughness[None], kept
+        checkpoint.bank[None].astype(np.float32),
+        checkpoint.rows[1:2],
+        checkpoint.sums[None],
+        checkpoint.roughness[None],
+        kept,
     )
     window = Block(*(np.empty_like(array) for array in block))
     in_python(checkpoints.since_checkpoint)(omega, block, points, 0, window)
