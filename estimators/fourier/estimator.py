@@ -173,7 +173,7 @@ class FourierState:
     evidence_matrix: Array
     evidence_vector: Array
     evidence_bias: Array
-    checkpoint_bank: NDArray[np.float32]
+    checkpoint_bank: Array
     checkpoint_rows: Array
     checkpoint_sums: Array
     checkpoint_roughness: Array
@@ -239,7 +239,7 @@ class FourierEstimator:
             evidence_matrix=np.zeros((n, k, k)),
             evidence_vector=np.zeros((n, k)),
             evidence_bias=np.zeros((n, k)),
-            checkpoint_bank=np.zeros((n, CHECKPOINTS, *channels), dtype=np.float32),
+            checkpoint_bank=np.zeros((n, CHECKPOINTS, *channels)),
             checkpoint_rows=np.full((n, CHECKPOINTS, columns), np.nan),
             checkpoint_sums=np.zeros((n, CHECKPOINTS, sums)),
             checkpoint_roughness=np.zeros((n, CHECKPOINTS, ns + 2)),

@@ -237,11 +237,11 @@ class Checkpoints(NamedTuple):
 
     Attributes:
         bank, rows, sums, roughness: (checkpoints, ...) as in ``Block``, but of the rows only the last, (checkpoints,
-            columns), and of the bank in single precision.
+            columns).
         gained: (checkpoints, ...) what the block had added to the memory.
     """
 
-    bank: NDArray[np.float32]
+    bank: Array
     rows: Array
     sums: Array
     roughness: Array

@@ -137,11 +137,7 @@ def since_checkpoint(omega: Real, block: Block, checkpoint: Block) -> Block:
     k = 1
     kept = Memory(np.empty((1, k, k)), np.empty((1, k, k)), np.empty((1, k)), np.empty((1, k)))
     points = Checkpoints(
-        checkpoint.bank[None].astype(np.float32),
-        checkpoint.rows[1:2],
-        checkpoint.sums[None],
-        checkpoint.roughness[None],
-        kept,
+        checkpoint.bank[None], checkpoint.rows[1:2], checkpoint.sums[None], checkpoint.roughness[None], kept
     )
     window = Block(*(np.empty_like(array) for array in block))
     in_python(checkpoints.since_checkpoint)(omega, block, points, 0, window)

@@ -136,8 +136,7 @@ def test_a_block_cut_at_a_checkpoint_is_one_that_began_there() -> None:
     omega = runner.estimator.config.omega_rad_s  # type: ignore[union-attr]
     part, ends, *_ = since_checkpoint(omega, block_of(state), checkpoint)
     runner.update(later, rows[:, 200:400])
-    rounding = 2.0**-23 * np.abs(checkpoint.bank).max()  # cos and sin times what is rounded to 2^-24 each
-    np.testing.assert_allclose(part, later.bank[0], rtol=0.0, atol=rounding)
+    np.testing.assert_allclose(part, later.bank[0], rtol=0.0, atol=1e-9 * np.abs(later.bank).max())
     np.testing.assert_array_equal(ends[:2], later.rows[0, :2])
 
 
