@@ -15,15 +15,15 @@ from wingwatch.aircraft import SURFACE_OF_INPUT, Aircraft, AircraftDataError, Mo
 from wingwatch.diagnosis.offline_estimates import flight_form
 from wingwatch.diagnosis.tracking import Track, untracked
 from wingwatch.estimators import Form, Manoeuvre, flight_manoeuvres, missing_channels, offsets, referred_scale
-from wingwatch.estimators.batch.fit import channel_fit
-from wingwatch.estimators.batch.output_error_problem import (
+from wingwatch.estimators.offline.fit import channel_fit
+from wingwatch.estimators.offline.output_error_problem import (
     Problem,
     channel_names,
     evaluate,
     problem_of,
     start_at,
 )
-from wingwatch.estimators.batch.regression import common_forces, sensor_noise
+from wingwatch.estimators.offline.regression import common_forces, sensor_noise
 from wingwatch.monitor.estimation.chain import nominal_condition
 from wingwatch.telemetry import INPUT_CHANNELS, FlightTable, SampleBlock
 

@@ -25,7 +25,7 @@ from wingwatch.estimators import (
     filter_error,
     in_form,
 )
-from wingwatch.estimators.filter_error.whole_flight import _unsettled
+from wingwatch.estimators.offline.filter_error import _unsettled
 
 Array = NDArray[np.float64]
 

@@ -13,12 +13,12 @@ from situation_cases import CONDITIONS, SITUATIONS
 from situation_plants import Situation, fly_situation
 from situations import whole_manoeuvres
 
-from wingwatch.estimators.filter_error.discretisation import discretise, stationary_covariance
-from wingwatch.estimators.filter_error.innovations import Trace, empty_trace, innovations
-from wingwatch.estimators.filter_error.likelihood import Problem, evaluate, sensitivities
-from wingwatch.estimators.filter_error.scoring import solve
-from wingwatch.estimators.filter_error.surface import at_rest
-from wingwatch.estimators.filter_error.whole_flight import FilterErrorConfig, problem_of
+from wingwatch.estimators.plant.discretisation import discretise, stationary_covariance
+from wingwatch.estimators.offline.innovations import Trace, empty_trace, innovations
+from wingwatch.estimators.offline.likelihood import Problem, evaluate, sensitivities
+from wingwatch.estimators.offline.scoring import solve
+from wingwatch.estimators.offline.surface import at_rest
+from wingwatch.estimators.offline.filter_error import FilterErrorConfig, problem_of
 
 Array = NDArray[np.float64]
 

@@ -67,7 +67,7 @@ BREACHES = (
     ),
     (
         "estimators/ekf",
-        "import wingwatch.estimators.filter_error.model",
+        "import wingwatch.estimators.offline.filter_model",
         "one estimator does not import another",
     ),
     (

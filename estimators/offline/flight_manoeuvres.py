@@ -25,15 +25,15 @@ from wingwatch.aircraft.structures import (
     SHORT_PERIOD_ALPHA,
     ModeStructure,
 )
-from wingwatch.estimators.batch.fit import Fit
-from wingwatch.estimators.batch.manoeuvre import (
+from wingwatch.estimators.offline.fit import Fit
+from wingwatch.estimators.offline.manoeuvre import (
     FlightColumns,
     Manoeuvre,
     ManoeuvreConfig,
     cut,
     signal_columns,
 )
-from wingwatch.estimators.batch.servo import ahead, follows_command, moved
+from wingwatch.estimators.offline.servo import ahead, follows_command, moved
 from wingwatch.estimators.estimate import Estimate
 from wingwatch.estimators.inertia_coupling import InertiaCoupling
 from wingwatch.estimators.signals import SignalConfig, Signals, known_moments

@@ -18,8 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.estimators.batch.manoeuvre import Manoeuvre
-from wingwatch.estimators.filter_error.surface import at_rest
+from wingwatch.estimators.offline.manoeuvre import Manoeuvre
+from wingwatch.estimators.offline.surface import at_rest
 
 __all__ = ["Window", "window"]
 

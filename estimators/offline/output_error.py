@@ -19,15 +19,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.estimators.batch.fit import ChannelFit, Fit, channel_fit, is_white
-from wingwatch.estimators.batch.manoeuvre import Manoeuvre
-from wingwatch.estimators.batch.output_error_covariance import (
+from wingwatch.estimators.offline.fit import ChannelFit, Fit, channel_fit, is_white
+from wingwatch.estimators.offline.manoeuvre import Manoeuvre
+from wingwatch.estimators.offline.output_error_covariance import (
     coloured_covariance,
     freedom_taken,
     may_be_off_by,
     rescaled,
 )
-from wingwatch.estimators.batch.output_error_problem import (
+from wingwatch.estimators.offline.output_error_problem import (
     Point,
     Problem,
     channel_names,
@@ -37,7 +37,7 @@ from wingwatch.estimators.batch.output_error_problem import (
     problem_of,
     start_at,
 )
-from wingwatch.estimators.batch.regression import (
+from wingwatch.estimators.offline.regression import (
     ReferredEstimate,
     SolverReport,
     common_forces,

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from wingwatch.estimators.filter_error.likelihood import Evaluation, Problem, evaluate, sensitivities
+from wingwatch.estimators.offline.likelihood import Evaluation, Problem, evaluate, sensitivities
 
 __all__ = ["Solution", "climb", "solve"]
 

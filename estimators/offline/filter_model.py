@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft.structures import ModeStructure
-from wingwatch.estimators.filter_error.discretisation import discretise, stationary_covariance
-from wingwatch.estimators.filter_error.innovations import Record, System
-from wingwatch.estimators.filter_error.window import Window
+from wingwatch.estimators.plant.discretisation import discretise, stationary_covariance
+from wingwatch.estimators.offline.innovations import Record, System
+from wingwatch.estimators.offline.window import Window
 
 __all__ = ["FilterModel", "Layout", "Physical"]
 

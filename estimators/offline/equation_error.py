@@ -17,10 +17,10 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from wingwatch.estimators.batch.endogeneity import Difference, left_unexplained, may_be_off, surface_response
-from wingwatch.estimators.batch.fit import ChannelFit, Fit, autocovariance, channel_fit, coloured_sum
-from wingwatch.estimators.batch.manoeuvre import Manoeuvre
-from wingwatch.estimators.batch.regression import (
+from wingwatch.estimators.offline.endogeneity import Difference, left_unexplained, may_be_off, surface_response
+from wingwatch.estimators.offline.fit import ChannelFit, Fit, autocovariance, channel_fit, coloured_sum
+from wingwatch.estimators.offline.manoeuvre import Manoeuvre
+from wingwatch.estimators.offline.regression import (
     ReferredEstimate,
     SolverReport,
     common_forces,
@@ -34,7 +34,7 @@ from wingwatch.estimators.batch.regression import (
     signal_share,
     stated_noise,
 )
-from wingwatch.estimators.batch.smoothed_equations import (
+from wingwatch.estimators.offline.smoothed_equations import (
     SmoothedManoeuvre,
     busiest_cutoff_hz,
     inner_samples,

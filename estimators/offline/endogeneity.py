@@ -25,8 +25,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from wingwatch.estimators.batch.manoeuvre import Manoeuvre
-from wingwatch.estimators.batch.output_kernel import Accelerometers, Record, respond
+from wingwatch.estimators.offline.manoeuvre import Manoeuvre
+from wingwatch.estimators.offline.output_kernel import Accelerometers, Record, respond
 
 __all__ = ["Difference", "left_unexplained", "may_be_off", "surface_response"]
 

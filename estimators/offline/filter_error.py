@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.estimators.batch.fit import ChannelFit, Fit, channel_fit
-from wingwatch.estimators.batch.manoeuvre import Manoeuvre
-from wingwatch.estimators.batch.regression import (
+from wingwatch.estimators.offline.fit import ChannelFit, Fit, channel_fit
+from wingwatch.estimators.offline.manoeuvre import Manoeuvre
+from wingwatch.estimators.offline.regression import (
     ReferredEstimate,
     SolverReport,
     common_forces,
@@ -24,11 +24,11 @@ from wingwatch.estimators.batch.regression import (
     shared_config,
 )
 from wingwatch.estimators.estimate import Estimate, Outcome
-from wingwatch.estimators.filter_error.guards import guarded
-from wingwatch.estimators.filter_error.likelihood import Prior, Problem
-from wingwatch.estimators.filter_error.model import FilterModel, Layout
-from wingwatch.estimators.filter_error.scoring import Solution, solve
-from wingwatch.estimators.filter_error.window import Window, window
+from wingwatch.estimators.offline.guards import guarded
+from wingwatch.estimators.offline.likelihood import Prior, Problem
+from wingwatch.estimators.offline.filter_model import FilterModel, Layout
+from wingwatch.estimators.offline.scoring import Solution, solve
+from wingwatch.estimators.offline.window import Window, window
 
 __all__ = ["FilterErrorConfig", "filter_error", "problem_of"]
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.estimators.batch.manoeuvre import Manoeuvre
-from wingwatch.estimators.batch.output_kernel import Accelerometers, Record, respond
-from wingwatch.estimators.batch.regression import common_forces, sensor_noise, shared_config
+from wingwatch.estimators.offline.manoeuvre import Manoeuvre
+from wingwatch.estimators.offline.output_kernel import Accelerometers, Record, respond
+from wingwatch.estimators.offline.regression import common_forces, sensor_noise, shared_config
 
 __all__ = [
     "Point",

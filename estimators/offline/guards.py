@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from wingwatch.estimators.filter_error.innovations import filter_columns
-from wingwatch.estimators.filter_error.likelihood import (
+from wingwatch.estimators.offline.innovations import filter_columns
+from wingwatch.estimators.offline.likelihood import (
     Evaluation,
     Problem,
     Sensitivities,
@@ -20,7 +20,7 @@ from wingwatch.estimators.filter_error.likelihood import (
     open_loop,
     sensitivities,
 )
-from wingwatch.estimators.filter_error.scoring import Solution
+from wingwatch.estimators.offline.scoring import Solution
 
 __all__ = ["Guards", "guarded"]
 

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.estimators.batch.fit import autocovariance, coloured_sum
-from wingwatch.estimators.batch.output_error_problem import Point, Problem, channel_names
+from wingwatch.estimators.offline.fit import autocovariance, coloured_sum
+from wingwatch.estimators.offline.output_error_problem import Point, Problem, channel_names
 
 __all__ = ["coloured_covariance", "freedom_taken", "may_be_off_by", "rescaled"]
 

@@ -20,15 +20,15 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from wingwatch.estimators.filter_error.innovations import (
+from wingwatch.estimators.offline.innovations import (
     System,
     Trace,
     empty_trace,
     filter_columns,
     innovations,
 )
-from wingwatch.estimators.filter_error.model import FilterModel
-from wingwatch.estimators.filter_error.window import Window
+from wingwatch.estimators.offline.filter_model import FilterModel
+from wingwatch.estimators.offline.window import Window
 
 __all__ = [
     "Evaluation",
