@@ -19,6 +19,7 @@ __all__ = [
     "Fit",
     "autocovariance",
     "channel_fit",
+    "coloured_covariance",
     "coloured_sum",
     "confidence_interval",
     "correlated_pairs",
@@ -227,6 +228,30 @@ def coloured_sum(left: Array, right: Array, covariance: Array, *, taper: bool = 
     forward[:most] = (both[0] * window)[:most]
     backward[:most] = (both[-1] * window)[:most]
     return np.asarray(left.T @ matmul_toeplitz((backward, forward), right))
+
+
+def coloured_covariance(slopes: Sequence[Array], residuals: Sequence[Array], growth: Array) -> Array:
+    """Variance of the score for residuals of the correlations that they have, every channel with itself and with every
+    other one: the middle of (5.53) with sensitivities as regressors, (k, k).
+
+    Args:
+        slopes: by window, (n, channels, k).
+        residuals: by window, (n, channels), 0 where there is none.
+        growth: by channel, what makes a sum of squares a variance: over samples, for degrees of freedom, (channels,).
+    """
+    total = sum(len(r) for r in residuals)
+    lags = max(min(len(r) for r in residuals) // 2, 1)
+    size = np.sqrt(growth * total)
+    rows = [[r[:, c] for r in residuals] for c in range(growth.size)]
+    middle = np.zeros((slopes[0].shape[2],) * 2)
+    for c in range(growth.size):
+        for d in range(c, growth.size):
+            both = [autocovariance(rows[c], rows[d], lags), autocovariance(rows[d], rows[c], lags)]
+            covariance = np.stack(both) * size[c] * size[d]
+            for s in slopes:
+                part = coloured_sum(s[:, c], s[:, d], covariance)
+                middle += part if c == d else part + part.T
+    return middle
 
 
 def _parzen(lags: int) -> Array:

@@ -2,8 +2,9 @@
 
     cost(p) = sum (e^2 / s + ln s) / 2 + sum ((p - mean) / std)^2 / 2,                                     (2)
 
-each window's own constants (of its readings, and the copy's state at its first sample) being those that make it least:
-innovations are linear in them. What noise of the measured surfaces is expected to add to the cost is taken out of it
+each window's own constants (``Window``) being those that make it least: innovations are linear in them. Without process
+noise (still air) the innovations are what the model's response leaves of the readings, and s is their mean square by
+channel (thesis 5.17). What noise of the measured surfaces is expected to add to the cost is taken out of it
 (Nakamura 1990): with G the response of the innovations to a surface's noise of variance v,
 
     corrected cost = cost - sum v G' S^-1 G / 2.                                                           (3)
@@ -27,7 +28,7 @@ from wingwatch.estimators.offline.innovations import (
     filter_columns,
     innovations,
 )
-from wingwatch.estimators.offline.filter_model import FilterModel
+from wingwatch.estimators.offline.parameters import Model
 from wingwatch.estimators.offline.window import Window
 
 __all__ = [
@@ -43,11 +44,11 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-_FASTEST_GROWTH = 1.0
-"""Motion that grows faster than this, 1/s, is none of an aircraft that is flown."""
-
 _MEMORY_S = 6.0
 """After this an innovation no longer answers to the noise of one sample."""
+
+_PASSES = 4
+"""Turns in which noise and a window's own constants, which depend on each other, are found."""
 
 _FLAT = 1e-12
 """Of a window's own constants: combinations with less of the largest information are not seen and stay 0."""
@@ -74,7 +75,7 @@ class Problem:
     """Data, model and prior; ``free`` says which parameters are searched, (size,)."""
 
     windows: Sequence[Window]
-    model: FilterModel
+    model: Model
     prior: Prior
     free: NDArray[np.bool_]
 
@@ -87,8 +88,8 @@ class Evaluation:
         parameters: p, (size,).
         cost: (2).
         systems, traces: of each window.
-        own: each window's own constants, (channels + states,).
-        own_columns: what they add to the innovations, (channels + states, samples, channels) each.
+        own: each window's own constants, (own,).
+        own_columns: what they add to the innovations, (own, samples, channels) each.
         surface_noises: innovations that the noise of measured surfaces makes, whitened, so that their squares add to
             what it adds to the cost, (inputs, readings) each; empty where surfaces are known without noise.
     """
@@ -135,10 +136,10 @@ class Sensitivities:
 
 
 def evaluate(problem: Problem, p: Array) -> Evaluation | None:
-    """The likelihood at parameters p (size,) of ``FilterModel.layout``; None where the motion would grow without bounds
-    or the result is not finite."""
+    """The likelihood at parameters p (size,) of ``Model.layout``; None where the motion would grow without bounds or the
+    result is not finite."""
     model = problem.model
-    if any(model.growth(p, w) > _FASTEST_GROWTH for w in problem.windows):
+    if any(model.grows(p, w) for w in problem.windows):
         return None
     off = (p - problem.prior.mean) / problem.prior.std
     cost = 0.5 * float(np.sum(off[problem.free] ** 2))
@@ -146,17 +147,17 @@ def evaluate(problem: Problem, p: Array) -> Evaluation | None:
     for window in problem.windows:
         system = model.system(p, window)
         trace = empty_trace(len(window), window.readings.shape[1], system.covariance.shape[0])
-        channels, ns = window.readings.shape[1], model.states
-        innovations(system, model.record(p, window, np.zeros(channels + ns)), trace, True)
+        innovations(system, model.record(p, window, np.zeros(window.own)), trace, True)
         if not (np.isfinite(trace.innovations).all() and trace.variances.min() > 0.0):
             return None
-        columns = _own_columns(system, trace, window, ns)
-        own = _least_squares(columns, trace)
-        trace.innovations[...] -= np.einsum("c,ctq->tq", own, columns)
         point.systems.append(system)
         point.traces.append(trace)
-        point.own.append(own)
-        point.own_columns.append(columns)
+        point.own_columns.append(_own_columns(model, p, window, system, trace))
+        if not np.isfinite(point.own_columns[-1]).all():
+            return None
+    _take_own_out(problem, point)
+    for m, window in enumerate(problem.windows):
+        system, trace = point.systems[m], point.traces[m]
         surface_noise = _surface_noise(model, p, window, system, trace)
         point.surface_noises.append(surface_noise)
         cost += 0.5 * float(np.sum(trace.innovations**2 / trace.variances + np.log(trace.variances)))
@@ -166,13 +167,37 @@ def evaluate(problem: Problem, p: Array) -> Evaluation | None:
     return replace(point, cost=cost)
 
 
-def _surface_noise(model: FilterModel, p: Array, window: Window, system: System, trace: Trace) -> Array:
+def _take_own_out(problem: Problem, point: Evaluation) -> None:
+    """Each window's own constants and the innovations that they leave, and the noise where it follows from these."""
+    raw = [trace.innovations.copy() for trace in point.traces]
+    if not problem.model.air:
+        _set_noise(problem, point, [np.where(w.used, w.readings - w.readings.mean(axis=0), 0.0) for w in problem.windows])
+    for _ in range(1 if problem.model.air else _PASSES):
+        point.own.clear()
+        for trace, columns, innovation in zip(point.traces, point.own_columns, raw, strict=True):
+            point.own.append(_least_squares(columns, trace, innovation))
+            trace.innovations[...] = innovation - np.einsum("c,ctq->tq", point.own[-1], columns)
+        if not problem.model.air:
+            _set_noise(problem, point, [trace.innovations for trace in point.traces])
+
+
+def _set_noise(problem: Problem, point: Evaluation, left: Sequence[Array]) -> None:
+    """Variance of each channel by the mean square of what is left of it in all windows (thesis 5.17)."""
+    counts = np.sum([w.used.sum(axis=0) for w in problem.windows], axis=0)
+    squares = np.sum([np.sum(e**2, axis=0) for e in left], axis=0)
+    floor = np.mean([w.floor for w in problem.windows], axis=0)
+    variance = np.maximum(squares / np.maximum(counts, 1), floor)
+    for window, trace in zip(problem.windows, point.traces, strict=True):
+        trace.variances[...] = np.where(window.used, variance, 1.0)
+
+
+def _surface_noise(model: Model, p: Array, window: Window, system: System, trace: Trace) -> Array:
     """Innovations after one sample's noise of each measured input, whitened and as strong as all samples' together,
     (inputs, readings). The sample is one from which on the gains have settled."""
     inputs, often = _noisy(window), window.moving.sum(axis=0)
     if not inputs.size:
         return np.zeros((0, 0))
-    ns, at = model.states, len(window) // 3
+    ns, at = model.plant.states, len(window) // 3
     length = min(len(window) - at, math.ceil(_MEMORY_S / window.dt))
     span = slice(at, at + length)
     late = Trace(trace.innovations[span], trace.variances[span], trace.gains[span], trace.renewed[span])
@@ -181,7 +206,7 @@ def _surface_noise(model: FilterModel, p: Array, window: Window, system: System,
     for place, j in enumerate(inputs):
         pulse = np.zeros((length, window.start.shape[1]))
         pulse[1, ns + j] = math.sqrt(window.input_noise[j] * often[j])
-        columns[place] = open_loop(model, p, _driven_by(window, span, pulse), here)
+        columns[place] = open_loop(model, p, _driven_by(window, span, pulse, np.zeros((length, ns))), here)
     states = np.zeros((inputs.size, system.covariance.shape[0]))
     filter_columns(here, late, window.used[span], columns, states)
     return np.asarray((columns / np.sqrt(late.variances)).reshape(inputs.size, -1))
@@ -209,53 +234,60 @@ def _surface_noise_scatter(window: Window, predicted: Array, surface_noises: Arr
     return total
 
 
-def _driven_by(window: Window, span: slice, drives: Array) -> Window:
-    """A window in which nothing happens but these drives, on lines between samples."""
-    none = np.zeros((drives.shape[0], window.aerodynamic.shape[1]))
+def _driven_by(window: Window, span: slice, drives: Array, aerodynamic: Array) -> Window:
+    """A window in which nothing happens but these drives, on lines between samples, and accelerations."""
     return replace(
         window, readings=np.zeros_like(window.readings[span]), used=window.used[span], start=drives,
-        end=np.vstack([drives[1:], drives[-1:]]), aerodynamic=none, kinematic=none,
+        end=np.vstack([drives[1:], drives[-1:]]), aerodynamic=aerodynamic, kinematic=np.zeros_like(aerodynamic),
+        trims=window.trims[span],
     )  # fmt: skip
 
 
-def open_loop(model: FilterModel, p: Array, window: Window, system: System) -> Array:
+def open_loop(model: Model, p: Array, window: Window, system: System) -> Array:
     """Readings that a window's forcing alone makes, without noise or correction, (samples, channels)."""
     samples, channels = window.readings.shape
     still = system._replace(noise=0.0 * system.noise, covariance=0.0 * system.covariance)
     trace = empty_trace(samples, channels, system.covariance.shape[0])
     silent = replace(window, readings=np.zeros_like(window.readings))
-    innovations(still, model.record(p, silent, np.zeros(channels + model.states)), trace, True)
+    innovations(still, model.record(p, silent, np.zeros(window.own)), trace, True)
     return -trace.innovations
 
 
-def _own_columns(system: System, trace: Trace, window: Window, ns: int) -> Array:
-    """Innovations that a unit of each of the window's own constants makes, (channels + states, samples, channels)."""
+def _own_columns(model: Model, p: Array, window: Window, system: System, trace: Trace) -> Array:
+    """Innovations that a unit of each of the window's own constants takes away, (own, samples, channels)."""
     samples, channels = window.readings.shape
-    n = system.covariance.shape[0]
-    readings = np.zeros((channels + ns, samples, channels))
-    states = np.zeros((channels + ns, n))
-    for c in range(channels):
-        readings[c, :, c] = 1.0
+    ns, n, pushes = model.plant.states, system.covariance.shape[0], window.trims.shape[1]
+    readings = np.zeros((window.own, samples, channels))
+    states = np.zeros((window.own, n))
+    drives = np.zeros_like(window.start)
+    for c in range(pushes * ns):
+        aerodynamic = np.zeros((samples, ns))
+        aerodynamic[:, c % ns] = window.trims[:, c // ns]
+        readings[c] = open_loop(model, p, _driven_by(window, slice(None), drives, aerodynamic), system)
+    for c, channel in enumerate(window.constants, pushes * ns):
+        readings[c, :, channel] = 1.0
     for j in range(ns):
-        states[channels + j, n - ns + j] = 1.0
+        states[window.own - ns + j, n - ns + j] = -1.0
     filter_columns(system, trace, window.used, readings, states)
-    readings[channels:] *= -1.0
     return readings
 
 
-def _least_squares(columns: Array, trace: Trace) -> Array:
-    """The own constants with the least innovations, (columns,)."""
+def _least_squares(columns: Array, trace: Trace, innovation: Array) -> Array:
+    """The own constants that leave least of the innovations, (columns,)."""
     root = 1.0 / np.sqrt(trace.variances)
     x = (columns * root).reshape(columns.shape[0], -1)
-    return np.asarray(information_inverse(x @ x.T) @ (x @ (trace.innovations * root).ravel()))
+    return np.asarray(information_inverse(x @ x.T) @ (x @ (innovation * root).ravel()))
 
 
-def information_inverse(matrix: Array) -> Array:
-    """Pseudo-inverse of an information matrix (n, n) whose entries have different units."""
+def information_inverse(matrix: Array, flat: float = _FLAT) -> Array:
+    """Pseudo-inverse of an information matrix (n, n) whose entries have different units.
+
+    ``flat``: of the largest information; directions with less stay 0.
+    """
     diagonal = np.diagonal(matrix)
     scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, np.inf))
     return np.asarray(
-        np.linalg.pinv(matrix * np.outer(scale, scale), rcond=_FLAT, hermitian=True) * np.outer(scale, scale)
+        np.linalg.pinv(matrix * np.outer(scale, scale), rcond=flat, hermitian=True) * np.outer(scale, scale)
     )
 
 
@@ -281,6 +313,8 @@ def _lane(problem: Problem, point: Evaluation, m: int, i: int, step: float) -> _
         there.renewed,
     )
     innovations(system, model.record(moved, window, point.own[m]), lane, False)
+    if not model.air:
+        lane.variances[...] = there.variances
     return _Lane(lane.innovations, lane.variances, _surface_noise(model, moved, window, system, lane))
 
 

@@ -1,42 +1,35 @@
 """Output error: maximum likelihood with white sensor noise of unknown strength, on files (thesis 5.3).
 
 The model's response to the measured inputs is laid onto the measured outputs (states that were measured, and the
-accelerometer). Unknown are the derivatives, common to all manoeuvres, and of each manoeuvre its trim constants, initial
-state and accelerometer bias. The noise variances are those of the residuals (5.17), renewed after every step of
-Gauss-Newton or Levenberg-Marquardt on the concentrated likelihood sum of N/2 ln R.
+accelerometer): filter error's likelihood without process noise. Unknown are the derivatives, common to all manoeuvres,
+and of each manoeuvre its trim forces, initial state and accelerometer bias; the noise variances are those of the
+residuals (5.17).
 
-Noise of measured inputs drives the model as well. What it is expected to add to the gradient is taken out of it
-(``input_noise_effect``), and what it makes of the residuals is in the covariance for coloured residuals of all
-channels together.
-There is no other process noise: in turbulence use the equation error (force by accelerometer) or the filter.
+Noise of measured inputs drives the model as well. What it is expected to add to the gradient is taken out of it, and
+what it makes of the residuals is in the covariance for coloured residuals of all channels together.
+There is no other process noise: in turbulence use the equation error (force by accelerometer) or filter error.
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.estimators.offline.fit import ChannelFit, Fit, channel_fit, is_white
-from wingwatch.estimators.offline.manoeuvre import Manoeuvre
-from wingwatch.estimators.offline.output_error_covariance import (
-    coloured_covariance,
-    freedom_taken,
-    may_be_off_by,
-    rescaled,
-)
-from wingwatch.estimators.offline.output_error_problem import (
-    Point,
+from wingwatch.estimators.estimate import Estimate
+from wingwatch.estimators.offline.fit import ChannelFit, Fit, channel_fit, coloured_covariance, is_white
+from wingwatch.estimators.offline.likelihood import (
+    Evaluation,
+    Prior,
     Problem,
-    channel_names,
     evaluate,
-    input_noise_effect,
-    normal_equations,
-    problem_of,
-    start_at,
+    information_inverse,
+    sensitivities,
 )
+from wingwatch.estimators.offline.manoeuvre import Manoeuvre
+from wingwatch.estimators.offline.parameters import Model
 from wingwatch.estimators.offline.regression import (
     ReferredEstimate,
     SolverReport,
@@ -47,11 +40,14 @@ from wingwatch.estimators.offline.regression import (
     noise_names,
     plain_start,
     sensor_noise,
+    shared_config,
     signal_share,
 )
-from wingwatch.estimators.estimate import Estimate
+from wingwatch.estimators.offline.scoring import Search, Solution, climb, slope_at
+from wingwatch.estimators.offline.window import window
+from wingwatch.estimators.plant.motion import Plant
 
-__all__ = ["OutputErrorConfig", "output_error"]
+__all__ = ["OutputErrorConfig", "output_error", "response"]
 
 Array = NDArray[np.float64]
 
@@ -60,6 +56,9 @@ NAME = "output-error"
 _CORRECTIONS = 8
 """Most steps towards the gradient that the inputs' noise makes."""
 
+_STEP = 1e-5
+"""Of a derivative's natural size, by which it is moved for its sensitivity."""
+
 
 @dataclass(frozen=True, slots=True)
 class OutputErrorConfig:
@@ -67,7 +66,7 @@ class OutputErrorConfig:
 
     Attributes:
         method: ``levenberg-marquardt`` (damped where a step fails) or ``gauss-newton`` (halved where a step fails).
-        drift: whether each trim constant may move on a line over its manoeuvre.
+        drift: whether each trim force may move on a line over its manoeuvre.
         covariance: ``white`` for the Cramer-Rao bound, ``coloured`` for (5.53), ``auto`` for the second where the
             residuals are not white.
         iterations: most steps.
@@ -101,135 +100,188 @@ def output_error(
         residuals (Morelli and Klein 1997), and the statistics of the fit.
 
     Raises:
-        ValueError: no manoeuvre, or manoeuvres of different configs.
+        ValueError: no manoeuvre, manoeuvres of different configs, or a model that runs away at the start.
     """
     settings = config or OutputErrorConfig()
-    problem = problem_of(parts, settings.drift)
     first = plain_start(parts) if start is None else np.asarray(start, dtype=np.float64)
-    point, iterations, settled = _climb(problem, start_at(problem, first), settings)
-    point = _without_input_noise(problem, point, settings.tolerance)
-    return _report(problem, point, iterations, settled, settings, natural)
+    problem, quiet = _problems(parts, first, settings.drift)
+    search = Search(
+        settings.iterations, math.inf, settings.tolerance, settings.method == "levenberg-marquardt"
+    )
+    solution = climb(quiet, quiet.prior.start, search)
+    if solution is None:
+        raise ValueError("the model runs away from the flight where the search starts; give another start")
+    point = _without_input_noise(problem, solution.point, settings.tolerance)
+    return _report(parts, problem, point, solution, settings, natural)
 
 
-def _climb(problem: Problem, parameters: Array, settings: OutputErrorConfig) -> tuple[Point, int, bool]:
-    """To the maximum of the likelihood; the noise is renewed after each accepted step."""
-    point = evaluate(problem, parameters)
-    marquardt = settings.method == "levenberg-marquardt"
-    damping = 1e-3 if marquardt else 0.0
-    for iteration in range(1, settings.iterations + 1):
-        matrix, vector = normal_equations(problem, point)
-        scale = np.sqrt(np.maximum(np.diagonal(matrix), 1e-300))
-        whitened, wanted = matrix / np.outer(scale, scale), vector / scale
-        full = _solve(whitened, wanted)
-        if float(full @ wanted) <= settings.tolerance**2:
-            return point, iteration, True
-        share, accepted = 1.0, False
-        for _ in range(24):
-            step = _solve(whitened + damping * np.eye(scale.size), wanted) if damping else full
-            trial = evaluate(problem, point.parameters + share * step / scale)
-            if trial.cost < point.cost:
-                accepted = True
-                break
-            if marquardt:
-                damping = max(10.0 * damping, 1e-6)
-            else:
-                share *= 0.5
-        if not accepted:
-            return point, iteration, True
-        point = trial
-        damping = damping / 10.0 if damping > 1e-9 else 0.0
-    return point, settings.iterations, False
+def response(part: Manoeuvre, derivatives: Array) -> Mapping[str, tuple[Array, Array]]:
+    """Readings of a manoeuvre beside those of the model, whose trims and start follow them best.
+
+    Args:
+        part: on stamps of one step, or brought to them.
+        derivatives: referred aerodynamic ones, (k,).
+
+    Returns:
+        by channel (the states that were measured, ``a_z`` and so on) readings and model, (n,) each; the model is NaN
+        where it runs away, or a derivative is not known.
+    """
+    known = bool(np.isfinite(derivatives).all())
+    _, problem = _problems([part], np.where(np.isfinite(derivatives), derivatives, 0.0), False)
+    point = evaluate(problem, problem.prior.start) if known else None
+    (data,) = problem.windows
+    left = np.full_like(data.readings, np.nan) if point is None else point.traces[0].innovations
+    names = problem.model.plant.channel_names
+    return {
+        name: (data.readings[:, c], data.readings[:, c] - left[:, c])
+        for c, name in enumerate(names)
+        if data.used[:, c].all()
+    }
 
 
-def _without_input_noise(problem: Problem, point: Point, tolerance: float) -> Point:
+def _problems(parts: Sequence[Manoeuvre], first: Array, drift: bool) -> tuple[Problem, Problem]:
+    """The problem with noise of the inputs and without it; parameters start at ``first``, (k,)."""
+    shared = shared_config(parts)
+    forces = np.flatnonzero(common_forces(parts))
+    plant = Plant(shared.structure, forces, shared.lever_m)
+    noise = sensor_noise(parts, common_forces(parts))[-len(shared.structure.inputs) :]
+    windows = [window(p, forces, noise, deviations=False, drift=drift) for p in parts]
+    natural = _natural(parts, first)
+    model = Model(plant, False, natural, math.inf)
+    start, none = first / natural, np.full(first.size, math.inf)
+    prior = Prior(start, none, start, np.full(first.size, _STEP))
+    problem = Problem(windows, model, prior, np.ones(first.size, dtype=np.bool_))
+    quiet = [replace(w, input_noise=np.zeros_like(w.input_noise)) for w in windows]
+    return problem, replace(problem, windows=quiet)
+
+
+def _natural(parts: Sequence[Manoeuvre], theta: Array) -> Array:
+    """Size at which each derivative alone makes its equation's acceleration as large as all of them do, (k,)."""
+    moved = np.sqrt(np.mean([p.regressors.var(axis=0) for p in parts], axis=0))
+    rows = theta.reshape(-1, moved.size)
+    whole = np.sqrt(np.sum((rows * moved) ** 2, axis=1, keepdims=True))
+    sizes = np.where(moved > 0.0, whole / np.where(moved > 0.0, moved, 1.0), np.abs(rows))
+    return np.asarray(np.where(sizes > 0.0, sizes, 1.0).reshape(-1))
+
+
+def _without_input_noise(problem: Problem, point: Evaluation, tolerance: float) -> Evaluation:
     """From the maximum of the likelihood to where the gradient is what the inputs' noise makes of it."""
-    if not problem.input_noise.any():
+    if not any(w.input_noise.any() for w in problem.windows):
         return point
+    found = evaluate(problem, point.parameters)
     for _ in range(_CORRECTIONS):
-        matrix, vector = normal_equations(problem, point)
-        noise, gradient = input_noise_effect(problem, point)
-        solution = corrected_step(matrix, noise, vector + gradient, signal_share(1, math.inf))
-        trial = evaluate(problem, point.parameters + solution.step)
-        if not math.isfinite(trial.cost):
+        if found is None:
             return point
-        point = trial
-        if float(solution.step @ matrix @ solution.step) <= tolerance**2:
-            return point
-    return point
+        point, slope = found, slope_at(problem, found)
+        share = signal_share(1, math.inf)
+        step = corrected_step(slope.information, slope.surface_noise, slope.score, share).step
+        found = evaluate(problem, point.parameters + step)
+        if float(step @ slope.information @ step) <= tolerance**2:
+            break
+    return found or point
 
 
-def _solve(matrix: Array, vector: Array) -> Array:
-    """Least-norm solution: directions that the data do not see stay where they are."""
-    return np.asarray(np.linalg.lstsq(matrix, vector, rcond=1e-13)[0])
+@dataclass(frozen=True, slots=True)
+class _Residuals:
+    """Whitened residuals and sensitivities at a point, by window.
+
+    Attributes:
+        left: (n, channels); slopes: without what own constants explain, (n, channels, k).
+        information, noise: of the derivatives, (k, k), and what of it is noise of the inputs.
+        own: degrees of freedom that own constants take from each channel, (channels,).
+        counts: readings of each channel, (channels,).
+    """
+
+    left: list[Array]
+    slopes: list[Array]
+    information: Array
+    noise: Array
+    own: Array
+    counts: Array
+
+
+def _residuals(problem: Problem, point: Evaluation) -> _Residuals:
+    k, channels = problem.free.size, problem.model.plant.channels
+    found = _Residuals([], [], np.zeros((k, k)), np.zeros((k, k)), np.zeros(channels), np.zeros(channels))
+    for m, data in enumerate(problem.windows):
+        s = sensitivities(problem, point, m)
+        root = np.where(data.used, 1.0 / np.sqrt(point.traces[m].variances), 0.0)
+        x = (point.own_columns[m] * root).reshape(data.own, -1)
+        hat = np.sum(x * (information_inverse(x @ x.T) @ x), axis=0)
+        found.left.append(s.innovations.reshape(data.readings.shape))
+        found.slopes.append(s.predicted.T.reshape(*data.readings.shape, k))
+        found.information[...] += s.information()
+        found.noise[...] += s.surface_noise_information
+        found.own[...] += hat.reshape(data.readings.shape).sum(axis=0)
+        found.counts[...] += data.used.sum(axis=0)
+    return found
 
 
 def _report(
+    parts: Sequence[Manoeuvre],
     problem: Problem,
-    point: Point,
-    iterations: int,
-    settled: bool,
+    point: Evaluation,
+    solution: Solution,
     settings: OutputErrorConfig,
     natural: Array | None,
 ) -> tuple[Estimate, Fit]:
-    matrix, _ = normal_equations(problem, point)
-    scale = np.sqrt(np.maximum(np.diagonal(matrix), 1e-300))
-    inverse = np.linalg.pinv(matrix / np.outer(scale, scale), rcond=1e-13, hermitian=True) / np.outer(
-        scale, scale
-    )
-    hidden = _unseen(matrix / np.outer(scale, scale), problem.common)
-    if problem.input_noise.any():
-        solution = corrected_step(
-            matrix, input_noise_effect(problem, point)[0], np.zeros(problem.size), signal_share(1, math.inf)
-        )
-        inverse, hidden = solution.inverse, hidden | solution.hidden[: problem.common]
-    counts = np.sum([u.sum(axis=0) for u in problem.used], axis=0)
-    taken = freedom_taken(problem, point, inverse)
-    left = np.maximum(counts - taken, 1.0)
-    white = rescaled(problem, point, inverse, counts / left)
-    coloured = coloured_covariance(problem, point, inverse, counts / left)
-    k = problem.common
+    found, k = _residuals(problem, point), problem.free.size
+    corrected = corrected_step(found.information, found.noise, np.zeros(k), signal_share(1, math.inf))
+    inverse = corrected.inverse
+    taken = found.own + sum(np.einsum("ncp,pq,ncq->c", s, inverse, s, optimize=True) for s in found.slopes)
+    growth = found.counts / np.maximum(found.counts - taken, 1.0)
+    middle = sum(np.einsum("ncp,c,ncq->pq", s, growth, s, optimize=True) for s in found.slopes)
     channels, windows = _channels(problem, point, taken)
     chosen = settings.covariance == "coloured" or (settings.covariance == "auto" and not is_white(windows))
-    noise = {c.name: c.residual_std for c in channels}
     sensors = dict(
-        zip(
-            noise_names(problem.parts[0].config),
-            sensor_noise(problem.parts, common_forces(problem.parts)),
-            strict=True,
-        )
+        zip(noise_names(parts[0].config), sensor_noise(parts, common_forces(parts)).tolist(), strict=True)
     )
-    doubts = [left_over(c, float(sensors[c.name]), slice(None)) for c in channels]
-    unexplained = {
-        c.name: 1.0 - float(sensors[c.name]) / c.residual_std**2
+    doubts = [left_over(c, sensors[c.name], slice(None)) for c in channels]
+    names = problem.model.plant.channel_names
+    unexplained = [
+        (names.index(c.name), 1.0 - sensors[c.name] / c.residual_std**2)
         for c, doubt in zip(channels, doubts, strict=True)
         if doubt is not None
-    }
-    coloured = coloured + may_be_off_by(problem, point, inverse, unexplained)
-    referred = ReferredEstimate(point.parameters[:k], white[:k, :k], coloured[:k, :k], chosen, hidden)
+    ]
+    coloured = coloured_covariance(found.slopes, found.left, growth / np.maximum(found.counts, 1))
+    coloured += _may_be_off_by(found, unexplained)
+    unit = np.outer(problem.model.natural, problem.model.natural)
+    white, coloured = (unit * (inverse @ m @ inverse) for m in (middle, coloured))
+    value = point.parameters * problem.model.natural
+    referred = ReferredEstimate(value, white, coloured, chosen, corrected.hidden)
+    unknowns = k + sum(w.own for w in problem.windows)
+    settled = solution.converged or solution.iterations < settings.iterations
     solver = SolverReport(
-        sum(map(len, problem.parts)), problem.size, iterations, settled, float(counts.sum() - problem.size)
+        sum(map(len, parts)), unknowns, solution.iterations, settled, float(found.counts.sum() - unknowns)
     )
-    return finished(NAME, problem.parts, referred, channels, noise, solver, natural, doubts)
+    noise = {c.name: c.residual_std for c in channels}
+    return finished(NAME, parts, referred, channels, noise, solver, natural, doubts)
+
+
+def _may_be_off_by(found: _Residuals, unexplained: Sequence[tuple[int, float]]) -> Array:
+    """By how much channels that the model does not hold for may have put the parameters off, as a score's variance.
+
+    Gusts are no noise of a sensor, and an autopilot answers them: residuals and sensitivities may go together anyhow.
+    With v what the sensors leave of a channel's residual, |sum h v| <= |h| |v| (Cauchy and Schwarz, ``endogeneity``).
+
+    ``unexplained``: channels, and the share of their residuals' power that is no sensor's noise.
+    """
+    total = np.zeros_like(found.information)
+    for c, share in unexplained:
+        power = share * sum(float(np.sum(e[:, c] ** 2)) for e in found.left)
+        total += power * sum(s[:, c].T @ s[:, c] for s in found.slopes)
+    return total
 
 
 def _channels(
-    problem: Problem, point: Point, taken: Array
+    problem: Problem, point: Evaluation, taken: Array
 ) -> tuple[tuple[ChannelFit, ...], list[list[Array]]]:
     """Statistics of every channel that was used, and its residuals by window."""
     channels, windows = [], []
-    for c, name in enumerate(channel_names(problem)):
-        mask = [u[:, c] for u in problem.used]
-        if not any(m.any() for m in mask):
-            continue
-        z = [r[:, c][m] for r, m in zip(problem.readings, mask, strict=True) if m.any()]
-        y = [o[:, c][m] for o, m in zip(point.outputs, mask, strict=True) if m.any()]
-        channels.append(channel_fit(name, z, y, float(taken[c])))
-        windows.append([a - b for a, b in zip(z, y, strict=True)])
+    for c, name in enumerate(problem.model.plant.channel_names):
+        read = [(w.readings[w.used[:, c], c], t.innovations[w.used[:, c], c]) for w, t in zip(problem.windows, point.traces, strict=True)]
+        read = [(z, e) for z, e in read if z.size]
+        if read:
+            channels.append(channel_fit(name, [z for z, _ in read], [z - e for z, e in read], float(taken[c])))
+            windows.append([e for _, e in read])
     return tuple(channels), windows
-
-
-def _unseen(whitened: Array, k: int) -> NDArray[np.bool_]:
-    """Derivatives that have a share in a direction without information, (k,)."""
-    values, vectors = np.linalg.eigh(whitened)
-    flat = vectors[:, values < 1e-10]
-    return np.asarray(np.sum(flat[:k] ** 2, axis=1) > 1e-3)

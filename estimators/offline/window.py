@@ -1,16 +1,22 @@
-"""Manoeuvres as the filter reads them: deviations from the mean, forcing between samples, an even clock.
+"""Manoeuvres as the likelihood reads them: on an even clock, with what drives the model between samples.
 
-With the means over a window marked by a bar, x = x_bar + dx, c u the inputs at the present control factor, s the factor
-of the stability derivatives, s_l the nearest of a few levels of it and P the dynamic pressure that the trim follows,
+With c u the inputs at the present control factor, s the factor of the stability derivatives, s_l the nearest of a few
+levels of it, P the dynamic pressure that the trim follows and x_m the measured states, the model is
 
-    d(dx)/dt = (K_bar + s_l A) dx + Theta d(t) + a(t) + k(t),                                              (1)
+    x' = (K_bar + s_l A) x + Theta d(t) + a(t) + k(t).                                                      (1)
+
+Without process noise x is the motion itself and the trim a force of unknown strength b (and drift) in each window:
+
+    d(t) = [(s - s_l) x_m; c u],   a(t) = P b,   k(t) = rest + (K - K_bar) x_m.
+
+With it x is the deviation from the window's means, marked by a bar, and trims are constants of the readings:
+
     d(t) = [(s - s_l) (x_m - x_bar) + (s - s_bar P / P_bar) x_bar; c u - (P / P_bar) mean(c u)],
     a(t) = (P / P_bar - 1) mean(aerodynamic acceleration),
-    k(t) = rest + (K - K_bar) x_m, less its mean,
+    k(t) = rest + (K - K_bar) x_m, less its mean.
 
-where x_m is measured. What multiplies it is a per cent or two (s - s_l), or known to a per cent (K), so its noise
-hardly counts. The levels are there for what is not measured: rolling air meets the same changing damping as the
-aircraft does.
+What multiplies x_m is a per cent or two (s - s_l), or known to a per cent (K), so its noise hardly counts. The levels
+are there for what is not measured: rolling air meets the same changing damping as the aircraft does.
 """
 
 from dataclasses import dataclass, replace
@@ -36,9 +42,13 @@ _ROUNDING = 1e-5
 class Window:
     """One manoeuvre on an even clock; n samples, channels = states, then the accelerometers in use.
 
+    Its own constants are, in this order: the strength of each trim force, equation by equation within a column of
+    ``trims``; a constant of each channel in ``constants``, in its SI unit; the state at the first sample of what no
+    input explains.
+
     Attributes:
         dt: step, s.
-        readings: deviations from the mean, (n, channels).
+        readings: as they are, or deviations from the mean, (n, channels).
         used: whether a reading is there, (n, channels).
         start, end: d of (1) at the beginning and the end of the step after each sample, (n, states + inputs): what the
             derivatives' columns multiply.
@@ -50,6 +60,8 @@ class Window:
         floor: least noise variance of each channel, (channels,).
         input_noise: variance of each measured input's noise, in the units of d, (inputs,).
         moving: whether each input is taken as measured, (n, inputs).
+        trims: courses of trim forces of unknown strength, (n, trims).
+        constants: channels whose readings have an unknown constant.
     """
 
     dt: float
@@ -66,19 +78,39 @@ class Window:
     floor: Array
     input_noise: Array
     moving: NDArray[np.bool_]
+    trims: Array
+    constants: NDArray[np.int64]
 
     def __len__(self) -> int:
         return int(self.readings.shape[0])
 
+    @property
+    def own(self) -> int:
+        """How many constants of its own there are."""
+        states = self.known.shape[0]
+        return states * (self.trims.shape[1] + 1) + self.constants.size
 
-def window(part: Manoeuvre, forces: NDArray[np.int64], input_noise: Array) -> Window:
-    """A manoeuvre for the filter.
+    def split(self, own: Array) -> tuple[Array, Array, Array]:
+        """Own constants (own,) as strengths of the trims (trims, states), constants of all channels (channels,), and
+        the state at the first sample (states,)."""
+        ns, (columns, channels) = self.known.shape[0], (self.trims.shape[1], self.readings.shape[1])
+        constants = np.zeros(channels)
+        constants[self.constants] = own[columns * ns : own.size - ns]
+        return own[: columns * ns].reshape(columns, ns), constants, own[own.size - ns :]
+
+
+def window(
+    part: Manoeuvre, forces: NDArray[np.int64], input_noise: Array, *, deviations: bool, drift: bool = False
+) -> Window:
+    """A manoeuvre for the likelihood.
 
     Args:
-        input_noise: variance of each measured input, (inputs,); 0 for commands.
         part: with evenly spaced stamps or not; where a sample is missing its readings are left out, and other uneven
             stamps are interpolated on a line (``Manoeuvre.even``).
         forces: equations whose accelerometer is read.
+        input_noise: variance of each measured input, (inputs,); 0 for commands.
+        deviations: whether x is the deviation from the means, or the motion itself.
+        drift: whether trim forces may move on a line.
     """
     part, present = _on_even_clock(part)
     held = np.vstack([part.held_steps, np.ones((1, part.inputs.shape[1]), dtype=bool)])
@@ -90,15 +122,22 @@ def window(part: Manoeuvre, forces: NDArray[np.int64], input_noise: Array) -> Wi
     used[:, : states.shape[1]] &= part.measured
     used &= ~_stuck(readings, used)
     levels, level = _levels(part.stability)
-    start, end = _regressors(part, held, levels[level])
-    aerodynamic, kinematic = _known_accelerations(part, forces)
-    mean = np.array([readings[u, c].mean() if u.any() else 0.0 for c, u in enumerate(used.T)])
-    centred = np.where(used, readings - mean, 0.0)
+    changing = np.einsum("nij,nj->ni", part.known - part.known.mean(axis=0), states) + part.rest
+    if deviations:
+        start, end = _deviations(part, held, levels[level])
+        aerodynamic, kinematic = _trim_by_pressure(part, forces), changing - changing.mean(axis=0)
+        mean = np.array([readings[u, c].mean() if u.any() else 0.0 for c, u in enumerate(used.T)])
+        trims, constants = np.zeros((len(part), 0)), np.arange(readings.shape[1])
+    else:
+        start, end = _whole(part, held, levels[level])
+        aerodynamic, kinematic, mean = np.zeros_like(states), changing, np.zeros(readings.shape[1])
+        along = np.linspace(-0.5, 0.5, len(part))
+        trims = np.column_stack([part.pressure, part.pressure * along] if drift else [part.pressure])
+        constants = np.arange(states.shape[1], readings.shape[1])
     return Window(
-        part.dt, centred, used, start, end, aerodynamic, kinematic, part.known.mean(axis=0),
-        levels, level, float(part.condition[0]), _floor(readings, used),
-        input_noise * float(part.control.mean()) ** 2,
-        part.inputs == measured,
+        part.dt, np.where(used, readings - mean, 0.0), used, start, end, aerodynamic, kinematic,
+        part.known.mean(axis=0), levels, level, float(part.condition[0]), _floor(readings, used),
+        input_noise * float(part.control.mean()) ** 2, part.inputs == measured, trims, constants,
     )  # fmt: skip
 
 
@@ -113,19 +152,7 @@ def _on_even_clock(part: Manoeuvre) -> tuple[Manoeuvre, NDArray[np.bool_]]:
     present[whole.astype(int)] = True
     if present.all():
         return part, present
-    grid = part.time_s[0] + step * np.arange(present.size)
-    columns = ("states", "accelerometer", "inputs", "known", "rest", "stability", "control", "pressure")
-    filled = {name: _interpolated(grid, part.time_s, getattr(part, name)) for name in columns}
-    return (
-        Manoeuvre(part.config, grid, measured=part.measured, condition=part.condition, **filled),
-        present,
-    )
-
-
-def _interpolated(grid: Array, time_s: Array, values: Array) -> Array:
-    flat = values.reshape(time_s.size, -1)
-    columns = np.column_stack([np.interp(grid, time_s, c) for c in flat.T])
-    return columns.reshape((grid.size, *values.shape[1:]))
+    return part.on(part.time_s[0] + step * np.arange(present.size)), present
 
 
 def _surfaces(part: Manoeuvre, noise: Array) -> Array:
@@ -146,24 +173,31 @@ def _levels(stability: Array) -> tuple[Array, NDArray[np.int64]]:
     return np.asarray(middle * (1.0 + _LEVEL * found)), np.asarray(level, dtype=np.int64)
 
 
-def _regressors(part: Manoeuvre, held: NDArray[np.bool_], near: Array) -> tuple[Array, Array]:
-    """d of (1), at the start and the end of each step, (n, states + inputs).
+def _whole(part: Manoeuvre, held: NDArray[np.bool_], near: Array) -> tuple[Array, Array]:
+    """d at the start and the end of each step, (n, states + inputs), of the motion itself.
 
     Args:
         held: over which steps each input is, (n, inputs); of the readings as they were, for a surface at rest may leave
             its level within a step.
         near: s_l at each sample, (n,).
     """
+    s, here = part.stability[:, None], near[:, None]
+    ends = np.where(held, part.inputs, _next(part.inputs))
+    start = np.column_stack([(s - here) * part.states, part.control[:, None] * part.inputs])
+    end = np.column_stack([(_next(s) - here) * _next(part.states), _next(part.control)[:, None] * ends])
+    return start, end
+
+
+def _deviations(part: Manoeuvre, held: NDArray[np.bool_], near: Array) -> tuple[Array, Array]:
+    """The same of deviations from the means."""
     trim = (part.pressure / part.pressure.mean())[:, None]
-    s, mean = part.stability[:, None], part.states.mean(axis=0)
+    mean = part.states.mean(axis=0)
+    start, end = _whole(replace(part, states=part.states - mean), held, near)
+    s = part.stability[:, None]
     slow = (s - trim * s.mean()) * mean
-    moving = part.states - mean
-    loads = part.control[:, None] * part.inputs
-    ends = _next(part.control)[:, None] * np.where(held, part.inputs, _next(part.inputs))
-    level = loads.mean(axis=0)
-    here = near[:, None]
-    start = np.column_stack([(s - here) * moving + slow, loads - trim * level])
-    end = np.column_stack([(_next(s) - here) * _next(moving) + _next(slow), ends - _next(trim) * level])
+    level = (part.control[:, None] * part.inputs).mean(axis=0)
+    start += np.column_stack([slow, -trim * level])
+    end += np.column_stack([_next(slow), -_next(trim) * level])
     return start, end
 
 
@@ -172,15 +206,12 @@ def _next(column: Array) -> Array:
     return np.concatenate([column[1:], column[-1:]])
 
 
-def _known_accelerations(part: Manoeuvre, forces: NDArray[np.int64]) -> tuple[Array, Array]:
-    """a and k of (1), (n, states) each."""
+def _trim_by_pressure(part: Manoeuvre, forces: NDArray[np.int64]) -> Array:
+    """a of the deviations, (n, states): what the changing dynamic pressure makes of the mean accelerations."""
     known = np.einsum("nij,nj->ni", part.known, part.states) + part.rest
     mean_force = (part.states[-1] - part.states[0]) / part.duration_s - known.mean(axis=0)
     mean_force[forces] = part.accelerometer[:, forces].mean(axis=0)
-    aerodynamic = (part.pressure / part.pressure.mean() - 1.0)[:, None] * mean_force
-    changing = part.known - part.known.mean(axis=0)
-    kinematic = np.einsum("nij,nj->ni", changing, part.states) + part.rest
-    return aerodynamic, kinematic - kinematic.mean(axis=0)
+    return np.asarray((part.pressure / part.pressure.mean() - 1.0)[:, None] * mean_force)
 
 
 def _floor(readings: Array, used: NDArray[np.bool_]) -> Array:

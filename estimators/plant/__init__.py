@@ -1,1 +1,1 @@
-"""The linear model of a mode, stated once: what moves, what the air does, what sensors read."""
+"""The linear model of a mode: (derivatives, air) to A, B, C and process noise, and its step from sample to sample."""

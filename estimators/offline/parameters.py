@@ -1,0 +1,178 @@
+"""Parameters of the likelihood of whole flights, and the filter of one window that they make (docs/methods/filter_error.md).
+
+In still air the derivatives are all of them: no process noise, so that the filter is the model's response. In moving air
+everything else is there so that the derivatives' error is honest.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wingwatch.aircraft.structures import ModeStructure
+from wingwatch.estimators.offline.innovations import Record, System
+from wingwatch.estimators.offline.window import Window
+from wingwatch.estimators.plant.discretisation import discretise, stationary_covariance
+from wingwatch.estimators.plant.motion import Air, Flown, Plant
+
+__all__ = ["Layout", "Model"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Where each parameter stands.
+
+    Attributes:
+        structure: which mode.
+        channels: how many readings a sample has.
+        disturbances: unmeasured moments, and rolling air.
+        air: whether the air moves; if not, derivatives are all there is.
+    """
+
+    structure: ModeStructure
+    channels: int
+    disturbances: int
+    air: bool
+
+    @property
+    def theta(self) -> slice:
+        """Derivatives, in natural sizes."""
+        return slice(0, len(self.structure.derivatives))
+
+    @property
+    def log_noise(self) -> slice:
+        """ln of each channel's noise variance above its floor."""
+        return slice(self.theta.stop, self.theta.stop + self.channels)
+
+    @property
+    def gust(self) -> int:
+        """ln of the gust's intensity, m/s."""
+        return int(self.log_noise.stop)
+
+    @property
+    def gust_rate_gain(self) -> slice:
+        """k of each equation: how much of the turning air it meets."""
+        return slice(self.gust + 1, self.gust + 1 + len(self.structure.equations))
+
+    @property
+    def log_span_time(self) -> int:
+        """ln of the time constant of the span filter, s; those of the gust (its scale length over airspeed) and of
+        unmeasured moments follow."""
+        return int(self.gust_rate_gain.stop)
+
+    @property
+    def disturbance(self) -> slice:
+        """ln of the intensities of unmeasured moments, rad/s2, and of rolling air, rad/s."""
+        return slice(self.log_span_time + 3, self.log_span_time + 3 + self.disturbances)
+
+    @property
+    def all_air(self) -> list[int]:
+        """All that describes gusts."""
+        gains = range(self.gust_rate_gain.start, self.gust_rate_gain.stop)
+        return [self.gust, *gains, self.log_span_time, self.log_span_time + 1]
+
+    @property
+    def copy(self) -> slice:
+        """The copy of the stability derivatives for what nobody measured, in natural sizes, equation by equation."""
+        s = self.structure
+        return slice(self.disturbance.stop, self.disturbance.stop + len(s.equations) * len(s.states))
+
+    @property
+    def size(self) -> int:
+        """How many parameters there are."""
+        return int(self.copy.stop) if self.air else self.theta.stop
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """Turns parameters into the filter of a window.
+
+    Attributes:
+        plant: the linear model.
+        air: whether the air moves.
+        natural: natural size of each derivative, (k,).
+        fastest_growth: of its motion, 1/s; what grows faster is none of an aircraft that is flown.
+    """
+
+    plant: Plant
+    air: bool
+    natural: Array
+    fastest_growth: float
+
+    @property
+    def layout(self) -> Layout:
+        """Of the parameters."""
+        plant = self.plant
+        return Layout(plant.structure, plant.channels, plant.disturbances, self.air)
+
+    def derivatives(self, p: Array) -> Array:
+        """Referred, (equations, states + inputs), of parameters p (size,)."""
+        return np.asarray((p[self.layout.theta] * self.natural).reshape(self.plant.states, -1))
+
+    def moving_air(self, p: Array) -> Air | None:
+        """Air of parameters p (size,) in its units; None where it is still."""
+        if not self.air:
+            return None
+        at, ns = self.layout, self.plant.states
+        sizes = self.natural.reshape(ns, -1)[:, :ns]
+        times = np.exp(np.clip(p[at.log_span_time : at.log_span_time + 3], -6.0, 6.0)).tolist()
+        return Air(
+            p[at.copy].reshape(ns, ns) * sizes, float(np.exp(p[at.gust])), p[at.gust_rate_gain], *times,
+            np.exp(p[at.disturbance]),
+        )  # fmt: skip
+
+    def noise(self, p: Array) -> Array:
+        """Variance of each channel above its floor, (channels,); in still air it follows from the innovations."""
+        return np.exp(np.clip(p[self.layout.log_noise], -60.0, 30.0)) if self.air else np.ones(self.plant.channels)
+
+    def grows(self, p: Array, window: Window) -> bool:
+        """Whether the motion of the derivatives or of their copy at p (size,) grows faster than an aircraft's."""
+        air, ns, middle = self.moving_air(p), self.plant.states, float(window.levels.mean())
+        if self.fastest_growth == np.inf:
+            return False
+        both = [self.derivatives(p)[:, :ns], *([] if air is None else [air.copy])]
+        rates = [float(np.linalg.eigvals(window.known + middle * a).real.max()) for a in both]
+        return max(rates) > self.fastest_growth
+
+    def size(self, window: Window) -> int:
+        """States of the filter."""
+        return self.plant.size(self.air, window.airspeed_m_s, window.dt)
+
+    def system(self, p: Array, window: Window) -> System:
+        """The filter at parameters p (size,), with the step of the window in seconds."""
+        derivatives, air, ns, n = self.derivatives(p), self.moving_air(p), self.plant.states, self.size(window)
+        into = np.eye(n, ns)
+        steps, outputs = [], []
+        for stability in window.levels.tolist():
+            at = Flown(window.known, stability, window.airspeed_m_s, window.dt)
+            linear = self.plant.linear(derivatives, air, at)
+            steps.append(discretise(linear.a, into, linear.noise, window.dt))
+            outputs.append(linear.c)
+        f, early, late, q = (np.stack(matrices) for matrices in zip(*steps, strict=True))
+        covariance = np.zeros((n, n))
+        if air is not None:
+            inner = slice(ns, n - ns)
+            covariance[inner, inner] = stationary_covariance(
+                np.ascontiguousarray(f[0, inner, inner]), np.ascontiguousarray(q[0, inner, inner])
+            )
+        return System(window.level, f, q, early, late, np.stack(outputs), self.noise(p) + window.floor, covariance)
+
+    def record(self, p: Array, window: Window, own: Array) -> Record:
+        """What the filter reads at parameters p (size,).
+
+        Args:
+            own: the window's own constants (``Window.own``).
+        """
+        plant, theta = self.plant, self.derivatives(p)
+        pushes, constants, initial = window.split(own)
+        trim = window.aerodynamic + window.trims @ pushes
+        aerodynamic, known = window.start @ theta.T + trim, trim + window.kinematic
+        start = aerodynamic + window.kinematic
+        end = window.end @ theta.T + np.vstack([known[1:], known[-1:]])
+        readings = window.readings - constants
+        readings[:, plant.states :] -= aerodynamic[:, plant.forces] - start @ plant.lever[plant.forces].T
+        state = np.zeros(self.size(window))
+        state[-plant.states :] = initial
+        return Record(readings, window.used, start, end, state)
