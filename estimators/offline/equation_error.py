@@ -18,7 +18,7 @@ import scipy
 from numpy.typing import NDArray
 
 from wingwatch.estimators.offline.endogeneity import Difference, left_unexplained, may_be_off, surface_response
-from wingwatch.estimators.offline.fit import ChannelFit, Fit, autocovariance, channel_fit, coloured_sum
+from wingwatch.estimators.offline.fit import ChannelFit, Fit, autocovariance, channel_fit, coloured_sum, crosscovariance
 from wingwatch.estimators.offline.manoeuvre import Manoeuvre
 from wingwatch.estimators.offline.regression import (
     ReferredEstimate,
@@ -206,9 +206,7 @@ def _covariances(
         )
         for j in range(ne):
             columns = [[r[:, e] for r in residuals] for e in (i, j)]
-            found = np.stack(
-                [autocovariance(columns[0], columns[1], lags), autocovariance(columns[1], columns[0], lags)]
-            )
+            found = crosscovariance(columns[0], columns[1], lags)
             for m in smooth:
                 theory = np.stack([m.noise.residual[i, j], m.noise.residual[j, i]])
                 middle[0, i, :, j] += coloured_sum(m.right[i], m.right[j], theory, taper=False)
@@ -253,7 +251,7 @@ def _off(
         if np.isfinite(crossed).all() and np.linalg.cond(crossed) < _SINGULAR:
             step = np.linalg.solve(crossed, sum(z.T @ r[:, i] for z, r in zip(tools, residuals, strict=True)))
             other = [z @ np.linalg.inv(crossed).T - h for z, h in zip(tools, plain, strict=True)]
-            colours = autocovariance([r[:, i] for r in residuals], lags=lags) * freedom / left
+            colours = autocovariance([r[:, i] for r in residuals], lags) * freedom / left
             value[:], value[at] = 0.0, step
             covariance[at, at] = sum(coloured_sum(h, h, colours) for h in other)
         one = Difference(value, covariance, bound)

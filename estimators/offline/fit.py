@@ -23,6 +23,7 @@ __all__ = [
     "coloured_sum",
     "confidence_interval",
     "correlated_pairs",
+    "crosscovariance",
     "correlation",
     "is_white",
 ]
@@ -95,22 +96,27 @@ class Fit:
     converged: bool
 
 
-def autocovariance(
-    residuals: Sequence[Array], others: Sequence[Array] | None = None, lags: int = LAGS
-) -> Array:
-    """Mean of v(i) w(i + k) over all windows for k = 0 to ``lags``, divided by the number of samples (5.52).
+def autocovariance(residuals: Sequence[Array], lags: int = LAGS) -> Array:
+    """Mean of v(i) v(i + k) over all windows for k = 0 to ``lags``, divided by the number of samples (5.52).
+
+    ``residuals``: windows of shape (n_m,), of any lengths.
+    """
+    return crosscovariance(residuals, residuals, lags)[0]
+
+
+def crosscovariance(residuals: Sequence[Array], others: Sequence[Array], lags: int) -> Array:
+    """Mean of v(i) w(i + k), and of w(i) v(i + k), likewise, (2, lags + 1).
 
     Args:
-        residuals: windows of shape (n_m,), of any lengths.
-        others: w, windows of the same lengths; the residuals themselves where None.
-        lags: largest lag.
+        residuals, others: v and w, windows of the same shapes (n_m,).
+        lags: largest k.
     """
-    others = residuals if others is None else others
-    sums = np.zeros(lags + 1)
+    sums = np.zeros((2, lags + 1))
     for v, w in zip(residuals, others, strict=True):
-        for k in range(min(lags, v.size - 1) + 1):
-            sums[k] += v[: v.size - k] @ w[k:]
-    return sums / max(sum(v.size for v in residuals), 1)
+        both, most = scipy.signal.correlate(w, v, "full"), min(lags, v.size - 1) + 1
+        sums[0, :most] += both[v.size - 1 : v.size - 1 + most]
+        sums[1, :most] += both[v.size - 1 :: -1][:most]
+    return np.asarray(sums / max(sum(v.size for v in residuals), 1))
 
 
 def channel_fit(
@@ -197,7 +203,7 @@ def is_white(residuals: Sequence[Sequence[Array]], lags: int = LAGS) -> bool:
     """
     for windows in residuals:
         n = sum(v.size for v in windows)
-        c = autocovariance(windows, lags=lags)
+        c = autocovariance(windows, lags)
         if c[0] <= 0.0 or n <= lags + 2:
             continue
         k = np.arange(1, lags + 1)
@@ -246,8 +252,7 @@ def coloured_covariance(slopes: Sequence[Array], residuals: Sequence[Array], gro
     middle = np.zeros((slopes[0].shape[2],) * 2)
     for c in range(growth.size):
         for d in range(c, growth.size):
-            both = [autocovariance(rows[c], rows[d], lags), autocovariance(rows[d], rows[c], lags)]
-            covariance = np.stack(both) * size[c] * size[d]
+            covariance = crosscovariance(rows[c], rows[d], lags) * size[c] * size[d]
             for s in slopes:
                 part = coloured_sum(s[:, c], s[:, d], covariance)
                 middle += part if c == d else part + part.T

@@ -118,12 +118,12 @@ def _driven(problem: Problem, point: Evaluation, m: int, s: Sensitivities) -> Ar
     window, model, p = problem.windows[m], problem.model, point.parameters
     system, trace = point.systems[m], point.traces[m]
     k = model.layout.theta.stop
-    first = open_loop(model, p, window, system)
+    first = open_loop(model, window, system)
     columns = np.zeros((k, *first.shape))
     for i in range(k):
         moved = p.copy()
         moved[i] += problem.prior.step[i]
-        columns[i] = open_loop(model, moved, window, model.system(moved, window)) - first
+        columns[i] = open_loop(model, window, model.system(moved, window)) - first
         columns[i] /= problem.prior.step[i]
     filter_columns(system, trace, window.used, columns, np.zeros((k, system.covariance.shape[0])))
     root = 1.0 / np.sqrt(trace.variances)

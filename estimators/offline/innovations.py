@@ -28,8 +28,9 @@ class System(NamedTuple):
         level: at each sample and over the step after it, (samples,).
         transition: F of each level, (levels, n, n).
         noise: Q, (levels, n, n).
-        early, late: what the forcing at a step's start and at its end adds to the state, (levels, n, forcings).
+        early, late: what the forcing at a step's start and at its end adds to the first states, (levels, s, forcings).
         output: C, (levels, channels, n).
+        direct: what the readings have of the forcing at once, nothing of it in the first s, (channels, forcings).
         variance: R of each channel, (channels,).
         covariance: P before the first reading, (n, n).
     """
@@ -41,6 +42,7 @@ class System(NamedTuple):
     early: Array
     late: Array
     output: Array
+    direct: Array
     variance: Array
     covariance: Array
 
@@ -49,7 +51,7 @@ class Record(NamedTuple):
     """What a filter is given of one window; times are those of the samples.
 
     Attributes:
-        readings: less what goes from the forcing to them at once, (samples, channels).
+        readings: (samples, channels).
         used: whether a reading is there, (samples, channels).
         start, end: forcing at the beginning and at the end of the step after each sample, (samples, forcings).
         state: at the first sample, before its readings, (n,).
@@ -130,10 +132,11 @@ def _advance(system, record, t, x, old):  # type: ignore[no-untyped-def]
         total = 0.0
         for j in range(n):
             total += system.transition[at, i, j] * old[j]
-        for m in range(record.start.shape[1]):
-            total += system.early[at, i, m] * record.start[t - 1, m]
-            total += system.late[at, i, m] * record.end[t - 1, m]
         x[i] = total
+    for i in range(system.early.shape[1]):
+        for m in range(record.start.shape[1]):
+            x[i] += system.early[at, i, m] * record.start[t - 1, m]
+            x[i] += system.late[at, i, m] * record.end[t - 1, m]
 
 
 @helper
@@ -202,6 +205,8 @@ def innovations(system, record, trace, lead):  # type: ignore[no-untyped-def]
                 trace.variances[t, q] = trace.variances[t - 1, q]
                 trace.gains[t, q] = trace.gains[t - 1, q]
             e = record.readings[t, q]
+            for m in range(record.start.shape[1] if q >= system.early.shape[1] else 0):
+                e -= system.direct[q, m] * record.start[t, m]
             for i in range(n):
                 e -= system.output[system.level[t], q, i] * x[i]
             trace.innovations[t, q] = e

@@ -22,6 +22,7 @@ import scipy
 from numpy.typing import NDArray
 
 from wingwatch.estimators.offline.innovations import (
+    Record,
     System,
     Trace,
     empty_trace,
@@ -29,7 +30,7 @@ from wingwatch.estimators.offline.innovations import (
     innovations,
 )
 from wingwatch.estimators.offline.parameters import Model
-from wingwatch.estimators.offline.window import Window
+from wingwatch.estimators.offline.window import Window, following
 
 __all__ = [
     "Evaluation",
@@ -147,18 +148,18 @@ def evaluate(problem: Problem, p: Array) -> Evaluation | None:
     for window in problem.windows:
         system = model.system(p, window)
         trace = empty_trace(len(window), window.readings.shape[1], system.covariance.shape[0])
-        innovations(system, model.record(p, window, np.zeros(window.own)), trace, True)
+        innovations(system, model.record(window, np.zeros(window.own)), trace, True)
         if not (np.isfinite(trace.innovations).all() and trace.variances.min() > 0.0):
             return None
         point.systems.append(system)
         point.traces.append(trace)
-        point.own_columns.append(_own_columns(model, p, window, system, trace))
+        point.own_columns.append(_own_columns(model, window, system, trace))
         if not np.isfinite(point.own_columns[-1]).all():
             return None
     _take_own_out(problem, point)
     for m, window in enumerate(problem.windows):
         system, trace = point.systems[m], point.traces[m]
-        surface_noise = _surface_noise(model, p, window, system, trace)
+        surface_noise = _surface_noise(model, window, system, trace)
         point.surface_noises.append(surface_noise)
         cost += 0.5 * float(np.sum(trace.innovations**2 / trace.variances + np.log(trace.variances)))
         cost -= 0.5 * float(np.sum(surface_noise**2))
@@ -191,7 +192,7 @@ def _set_noise(problem: Problem, point: Evaluation, left: Sequence[Array]) -> No
         trace.variances[...] = np.where(window.used, variance, 1.0)
 
 
-def _surface_noise(model: Model, p: Array, window: Window, system: System, trace: Trace) -> Array:
+def _surface_noise(model: Model, window: Window, system: System, trace: Trace) -> Array:
     """Innovations after one sample's noise of each measured input, whitened and as strong as all samples' together,
     (inputs, readings). The sample is one from which on the gains have settled."""
     inputs, often = _noisy(window), window.moving.sum(axis=0)
@@ -204,9 +205,9 @@ def _surface_noise(model: Model, p: Array, window: Window, system: System, trace
     here = system._replace(level=system.level[span])
     columns = np.zeros((inputs.size, length, window.readings.shape[1]))
     for place, j in enumerate(inputs):
-        pulse = np.zeros((length, window.start.shape[1]))
+        pulse = np.zeros((length, window.start.shape[1] - ns))
         pulse[1, ns + j] = math.sqrt(window.input_noise[j] * often[j])
-        columns[place] = open_loop(model, p, _driven_by(window, span, pulse, np.zeros((length, ns))), here)
+        columns[place] = open_loop(model, _driven_by(window, span, pulse, np.zeros((length, ns))), here)
     states = np.zeros((inputs.size, system.covariance.shape[0]))
     filter_columns(here, late, window.used[span], columns, states)
     return np.asarray((columns / np.sqrt(late.variances)).reshape(inputs.size, -1))
@@ -236,34 +237,34 @@ def _surface_noise_scatter(window: Window, predicted: Array, surface_noises: Arr
 
 def _driven_by(window: Window, span: slice, drives: Array, aerodynamic: Array) -> Window:
     """A window in which nothing happens but these drives, on lines between samples, and accelerations."""
+    start = np.column_stack([drives, aerodynamic])
     return replace(
-        window, readings=np.zeros_like(window.readings[span]), used=window.used[span], start=drives,
-        end=np.vstack([drives[1:], drives[-1:]]), aerodynamic=aerodynamic, kinematic=np.zeros_like(aerodynamic),
-        trims=window.trims[span],
+        window, readings=np.zeros_like(window.readings[span]), used=window.used[span], start=start,
+        end=following(start), aerodynamic=aerodynamic, trims=window.trims[span],
     )  # fmt: skip
 
 
-def open_loop(model: Model, p: Array, window: Window, system: System) -> Array:
+def open_loop(model: Model, window: Window, system: System) -> Array:
     """Readings that a window's forcing alone makes, without noise or correction, (samples, channels)."""
     samples, channels = window.readings.shape
     still = system._replace(noise=0.0 * system.noise, covariance=0.0 * system.covariance)
     trace = empty_trace(samples, channels, system.covariance.shape[0])
-    silent = replace(window, readings=np.zeros_like(window.readings))
-    innovations(still, model.record(p, silent, np.zeros(window.own)), trace, True)
+    silent = replace(window, readings=np.zeros_like(window.readings), used=np.ones_like(window.used))
+    innovations(still, model.record(silent, np.zeros(window.own)), trace, True)
     return -trace.innovations
 
 
-def _own_columns(model: Model, p: Array, window: Window, system: System, trace: Trace) -> Array:
+def _own_columns(model: Model, window: Window, system: System, trace: Trace) -> Array:
     """Innovations that a unit of each of the window's own constants takes away, (own, samples, channels)."""
     samples, channels = window.readings.shape
     ns, n, pushes = model.plant.states, system.covariance.shape[0], window.trims.shape[1]
     readings = np.zeros((window.own, samples, channels))
     states = np.zeros((window.own, n))
-    drives = np.zeros_like(window.start)
+    drives = np.zeros_like(window.start[:, ns:])
     for c in range(pushes * ns):
         aerodynamic = np.zeros((samples, ns))
         aerodynamic[:, c % ns] = window.trims[:, c // ns]
-        readings[c] = open_loop(model, p, _driven_by(window, slice(None), drives, aerodynamic), system)
+        readings[c] = open_loop(model, _driven_by(window, slice(None), drives, aerodynamic), system)
     for c, channel in enumerate(window.constants, pushes * ns):
         readings[c, :, channel] = 1.0
     for j in range(ns):
@@ -300,11 +301,11 @@ class _Lane:
     surface_noise: Array
 
 
-def _lane(problem: Problem, point: Evaluation, m: int, i: int, step: float) -> _Lane:
+def _lane(problem: Problem, point: Evaluation, m: int, i: int, record: Record) -> _Lane:
     """The filter of window m with parameter i moved."""
     window, model, there = problem.windows[m], problem.model, point.traces[m]
     moved = point.parameters.copy()
-    moved[i] += step
+    moved[i] += problem.prior.step[i]
     system = model.system(moved, window)
     lane = Trace(
         np.zeros_like(there.innovations),
@@ -312,10 +313,10 @@ def _lane(problem: Problem, point: Evaluation, m: int, i: int, step: float) -> _
         np.zeros_like(there.gains),
         there.renewed,
     )
-    innovations(system, model.record(moved, window, point.own[m]), lane, False)
+    innovations(system, record, lane, False)
     if not model.air:
         lane.variances[...] = there.variances
-    return _Lane(lane.innovations, lane.variances, _surface_noise(model, moved, window, system, lane))
+    return _Lane(lane.innovations, lane.variances, _surface_noise(model, window, system, lane))
 
 
 def sensitivities(problem: Problem, point: Evaluation, m: int) -> Sensitivities:
@@ -324,10 +325,11 @@ def sensitivities(problem: Problem, point: Evaluation, m: int) -> Sensitivities:
     readings = trace.innovations.size
     root = 1.0 / np.sqrt(trace.variances)
     predicted, variance = np.zeros((size, readings)), np.zeros((size, readings))
+    record = problem.model.record(window, point.own[m])
     surface_noises = np.zeros((size, *point.surface_noises[m].shape))
     for i in np.flatnonzero(problem.free).tolist():
         step = problem.prior.step[i]
-        there = _lane(problem, point, m, i, step)
+        there = _lane(problem, point, m, i, record)
         predicted[i] = ((trace.innovations - there.innovations) * root).ravel() / step
         variance[i] = ((there.variances - trace.variances) / trace.variances).ravel() / step
         surface_noises[i] = (there.surface_noise - point.surface_noises[m]) / step

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from wingwatch.aircraft.structures import ModeStructure
 from wingwatch.estimators.offline.innovations import Record, System
-from wingwatch.estimators.offline.window import Window
-from wingwatch.estimators.plant.discretisation import discretise, stationary_covariance
+from wingwatch.estimators.offline.window import Window, following
+from wingwatch.estimators.plant.discretisation import discretise_levels, stationary_covariance
 from wingwatch.estimators.plant.motion import Air, Flown, Plant
 
 __all__ = ["Layout", "Model"]
@@ -142,37 +142,34 @@ class Model:
 
     def system(self, p: Array, window: Window) -> System:
         """The filter at parameters p (size,), with the step of the window in seconds."""
-        derivatives, air, ns, n = self.derivatives(p), self.moving_air(p), self.plant.states, self.size(window)
-        into = np.eye(n, ns)
-        steps, outputs = [], []
-        for stability in window.levels.tolist():
-            at = Flown(window.known, stability, window.airspeed_m_s, window.dt)
-            linear = self.plant.linear(derivatives, air, at)
-            steps.append(discretise(linear.a, into, linear.noise, window.dt))
-            outputs.append(linear.c)
-        f, early, late, q = (np.stack(matrices) for matrices in zip(*steps, strict=True))
-        covariance = np.zeros((n, n))
+        derivatives, air, ns = self.derivatives(p), self.moving_air(p), self.plant.states
+        at = Flown(window.known, 1.0, window.airspeed_m_s, window.dt)
+        linear = [self.plant.linear(derivatives, air, at._replace(stability=s)) for s in window.levels.tolist()]
+        # the noise of the air does not depend on the level
+        f, early, late, q = discretise_levels(
+            np.array([one.a for one in linear]), np.column_stack([derivatives, np.eye(ns)]), linear[0].noise, window.dt
+        )
+        covariance = np.zeros_like(f[0])
         if air is not None:
-            inner = slice(ns, n - ns)
+            inner = slice(ns, -ns)
             covariance[inner, inner] = stationary_covariance(
                 np.ascontiguousarray(f[0, inner, inner]), np.ascontiguousarray(q[0, inner, inner])
             )
-        return System(window.level, f, q, early, late, np.stack(outputs), self.noise(p) + window.floor, covariance)
+        return System(
+            window.level, f, q, early, late, np.array([one.c for one in linear]), self.plant.direct(derivatives),
+            self.noise(p) + window.floor, covariance,
+        )  # fmt: skip
 
-    def record(self, p: Array, window: Window, own: Array) -> Record:
-        """What the filter reads at parameters p (size,).
-
-        Args:
-            own: the window's own constants (``Window.own``).
-        """
-        plant, theta = self.plant, self.derivatives(p)
+    def record(self, window: Window, own: Array) -> Record:
+        """What the filter of a window reads, with its own constants (``Window.own``)."""
+        plant = self.plant
         pushes, constants, initial = window.split(own)
-        trim = window.aerodynamic + window.trims @ pushes
-        aerodynamic, known = window.start @ theta.T + trim, trim + window.kinematic
-        start = aerodynamic + window.kinematic
-        end = window.end @ theta.T + np.vstack([known[1:], known[-1:]])
+        trim = window.trims @ pushes
+        start, end = window.start.copy(), window.end.copy()
+        start[:, -plant.states :] += trim
+        end[:, -plant.states :] += following(trim)
         readings = window.readings - constants
-        readings[:, plant.states :] -= aerodynamic[:, plant.forces] - start @ plant.lever[plant.forces].T
+        readings[:, plant.states :] -= (window.aerodynamic + trim)[:, plant.forces]
         state = np.zeros(self.size(window))
         state[-plant.states :] = initial
         return Record(readings, window.used, start, end, state)

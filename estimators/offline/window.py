@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from wingwatch.estimators.offline.manoeuvre import Manoeuvre
 from wingwatch.estimators.offline.surface import at_rest
 
-__all__ = ["Window", "window"]
+__all__ = ["Window", "following", "window"]
 
 Array = NDArray[np.float64]
 
@@ -50,10 +50,9 @@ class Window:
         dt: step, s.
         readings: as they are, or deviations from the mean, (n, channels).
         used: whether a reading is there, (n, channels).
-        start, end: d of (1) at the beginning and the end of the step after each sample, (n, states + inputs): what the
-            derivatives' columns multiply.
+        start, end: at the beginning and the end of the step after each sample, (n, states + inputs + states): d of (1),
+            what the derivatives' columns multiply, then a + k.
         aerodynamic: a of (1) at each sample, (n, states).
-        kinematic: k of (1) at each sample, (n, states).
         known: K_bar, (states, states).
         levels: of s, (levels,); level: which of them at each sample and over the step after it, (n,).
         airspeed_m_s: mean.
@@ -70,7 +69,6 @@ class Window:
     start: Array
     end: Array
     aerodynamic: Array
-    kinematic: Array
     known: Array
     levels: Array
     level: NDArray[np.int64]
@@ -134,9 +132,11 @@ def window(
         along = np.linspace(-0.5, 0.5, len(part))
         trims = np.column_stack([part.pressure, part.pressure * along] if drift else [part.pressure])
         constants = np.arange(states.shape[1], readings.shape[1])
+    known = aerodynamic + kinematic
+    start, end = np.column_stack([start, known]), np.column_stack([end, following(known)])
     return Window(
-        part.dt, np.where(used, readings - mean, 0.0), used, start, end, aerodynamic, kinematic,
-        part.known.mean(axis=0), levels, level, float(part.condition[0]), _floor(readings, used),
+        part.dt, np.where(used, readings - mean, 0.0), used, start, end, aerodynamic, part.known.mean(axis=0),
+        levels, level, float(part.condition[0]), _floor(readings, used),
         input_noise * float(part.control.mean()) ** 2, part.inputs == measured, trims, constants,
     )  # fmt: skip
 
@@ -182,9 +182,9 @@ def _whole(part: Manoeuvre, held: NDArray[np.bool_], near: Array) -> tuple[Array
         near: s_l at each sample, (n,).
     """
     s, here = part.stability[:, None], near[:, None]
-    ends = np.where(held, part.inputs, _next(part.inputs))
+    ends = np.where(held, part.inputs, following(part.inputs))
     start = np.column_stack([(s - here) * part.states, part.control[:, None] * part.inputs])
-    end = np.column_stack([(_next(s) - here) * _next(part.states), _next(part.control)[:, None] * ends])
+    end = np.column_stack([(following(s) - here) * following(part.states), following(part.control)[:, None] * ends])
     return start, end
 
 
@@ -197,12 +197,12 @@ def _deviations(part: Manoeuvre, held: NDArray[np.bool_], near: Array) -> tuple[
     slow = (s - trim * s.mean()) * mean
     level = (part.control[:, None] * part.inputs).mean(axis=0)
     start += np.column_stack([slow, -trim * level])
-    end += np.column_stack([_next(slow), -_next(trim) * level])
+    end += np.column_stack([following(slow), -following(trim) * level])
     return start, end
 
 
-def _next(column: Array) -> Array:
-    """Each row's successor; the last is its own."""
+def following(column: Array) -> Array:
+    """Each row's successor, (n, ...); the last is its own."""
     return np.concatenate([column[1:], column[-1:]])
 
 

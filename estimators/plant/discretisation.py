@@ -12,9 +12,9 @@ The series are summed for a step short enough that ||A|| h <= 1/2; two steps are
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.kernels.decorators import compiled
+from wingwatch.kernels.decorators import compiled, helper
 
-__all__ = ["discretise", "stationary_covariance"]
+__all__ = ["discretise", "discretise_levels", "stationary_covariance"]
 
 Array = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ _DOUBLINGS = 40
 """2^40 steps: a hundred years at 50 Hz."""
 
 
-@compiled()
+@helper
 def discretise(a, b, w, h):  # type: ignore[no-untyped-def]
     """One step of length h.
 
@@ -64,6 +64,24 @@ def discretise(a, b, w, h):  # type: ignore[no-untyped-def]
         q = f @ q @ f.T + q
         f = f @ f
     return f, early, late, 0.5 * (q + q.T)
+
+
+@compiled()
+def discretise_levels(a, b, w, h):  # type: ignore[no-untyped-def]
+    """``discretise`` of several A, (levels, n, n), whose inputs drive the first states alone, b (driven, m).
+
+    Returns:
+        F (levels, n, n), G_0 and G_1 (levels, driven, m), Q (levels, n, n).
+    """
+    levels, n, (driven, m) = a.shape[0], a.shape[1], b.shape
+    f, q = np.empty((levels, n, n)), np.empty((levels, n, n))
+    early, late = np.empty((levels, driven, m)), np.empty((levels, driven, m))
+    into = np.zeros((n, m))
+    into[:driven] = b
+    for k in range(levels):
+        f[k], first, last, q[k] = discretise(a[k], into, w, h)
+        early[k], late[k] = first[:driven], last[:driven]
+    return f, early, late, q
 
 
 @compiled()

@@ -153,6 +153,14 @@ class Plant:
         c[ns:] -= self.lever[self.forces] @ moving
         return Linear(a, c, noise)
 
+    def direct(self, derivatives: Array) -> Array:
+        """What sensors read at once of the regressors (c u, and s x where it is given) and of the known accelerations
+        behind them, but for those that the accelerometer feels itself, (channels, states + inputs + states)."""
+        out = np.zeros((self.channels, derivatives.shape[1] + self.states))
+        lever = self.lever[self.forces]
+        out[self.states :] = np.column_stack([derivatives[self.forces] - lever @ derivatives, -lever])
+        return out
+
     def _move_air(self, air: Air, force: Array, at: Flown, into: Linear) -> None:
         """What the air adds to still air's A, C and process noise."""
         a, c, ns, n = into.a, into.c, self.states, len(into.a)
