@@ -17,8 +17,21 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from wingwatch.estimators.offline.endogeneity import Difference, left_unexplained, may_be_off, surface_response
-from wingwatch.estimators.offline.fit import ChannelFit, Fit, autocovariance, channel_fit, coloured_sum, crosscovariance
+from wingwatch.estimators.estimate import Estimate
+from wingwatch.estimators.offline.endogeneity import (
+    Difference,
+    left_unexplained,
+    may_be_off,
+    surface_response,
+)
+from wingwatch.estimators.offline.fit import (
+    ChannelFit,
+    Fit,
+    autocovariance,
+    channel_fit,
+    coloured_sum,
+    crosscovariance,
+)
 from wingwatch.estimators.offline.manoeuvre import Manoeuvre
 from wingwatch.estimators.offline.regression import (
     ReferredEstimate,
@@ -41,7 +54,6 @@ from wingwatch.estimators.offline.smoothed_equations import (
     passed,
     smoothed,
 )
-from wingwatch.estimators.estimate import Estimate
 
 __all__ = ["EquationErrorConfig", "equation_error"]
 

@@ -12,8 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from wingwatch.estimators.estimate import Estimate, Outcome
 from wingwatch.estimators.offline.fit import ChannelFit, Fit, channel_fit
+from wingwatch.estimators.offline.guards import guarded
+from wingwatch.estimators.offline.likelihood import Prior, Problem
 from wingwatch.estimators.offline.manoeuvre import Manoeuvre
+from wingwatch.estimators.offline.parameters import Model
 from wingwatch.estimators.offline.regression import (
     ReferredEstimate,
     SolverReport,
@@ -23,10 +27,6 @@ from wingwatch.estimators.offline.regression import (
     sensor_noise,
     shared_config,
 )
-from wingwatch.estimators.estimate import Estimate, Outcome
-from wingwatch.estimators.offline.guards import guarded
-from wingwatch.estimators.offline.likelihood import Prior, Problem
-from wingwatch.estimators.offline.parameters import Model
 from wingwatch.estimators.offline.scoring import Solution, solve
 from wingwatch.estimators.offline.window import Window, window
 from wingwatch.estimators.plant.motion import Plant

@@ -25,6 +25,8 @@ from wingwatch.aircraft.structures import (
     SHORT_PERIOD_ALPHA,
     ModeStructure,
 )
+from wingwatch.estimators.estimate import Estimate
+from wingwatch.estimators.inertia_coupling import InertiaCoupling
 from wingwatch.estimators.offline.fit import Fit
 from wingwatch.estimators.offline.manoeuvre import (
     FlightColumns,
@@ -34,8 +36,6 @@ from wingwatch.estimators.offline.manoeuvre import (
     signal_columns,
 )
 from wingwatch.estimators.offline.servo import ahead, follows_command, moved
-from wingwatch.estimators.estimate import Estimate
-from wingwatch.estimators.inertia_coupling import InertiaCoupling
 from wingwatch.estimators.signals import SignalConfig, Signals, known_moments
 from wingwatch.telemetry import CHANNEL_INDEX, INPUT_CHANNELS, MAX_GAP_S, SampleBlock, missing_for
 

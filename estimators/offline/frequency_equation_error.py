@@ -13,6 +13,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from wingwatch.estimators.estimate import Estimate
 from wingwatch.estimators.offline.bin_residuals import (
     BinResiduals,
     as_found,
@@ -40,7 +41,6 @@ from wingwatch.estimators.offline.regression import (
     stated_noise,
 )
 from wingwatch.estimators.offline.transform import transform
-from wingwatch.estimators.estimate import Estimate
 
 __all__ = ["FrequencyEquationErrorConfig", "frequency_equation_error"]
 

@@ -28,6 +28,7 @@ from wingwatch.estimators.offline.innovations import (
     empty_trace,
     filter_columns,
     innovations,
+    respond,
 )
 from wingwatch.estimators.offline.parameters import Model
 from wingwatch.estimators.offline.window import Window, following
@@ -48,7 +49,7 @@ Array = NDArray[np.float64]
 _MEMORY_S = 6.0
 """After this an innovation no longer answers to the noise of one sample."""
 
-_PASSES = 4
+_PASSES = 3
 """Turns in which noise and a window's own constants, which depend on each other, are found."""
 
 _FLAT = 1e-12
@@ -110,30 +111,66 @@ class Sensitivities:
 
     Attributes:
         predicted: -de/dp / sqrt(s) less what the window's own constants can explain, (size, readings).
-        variance: ds/dp / s, (size, readings).
+        variance: ds/dp / s, (size, readings); None where s does not depend on the parameters.
         innovations: e / sqrt(s), (readings,).
-        used: whether a reading is there, (readings,).
-        surface_noise_score: what the noise of surfaces takes from the score, (size,).
-        surface_noise_information: what it adds to the information, (size, size).
-        surface_noise_scatter: what it adds to the score's variance, (size, size).
+        window: whose.
+        surface_noises: as of ``Evaluation``; surface_noise_slopes: their derivatives, (size, inputs * readings).
+        driven: how many of the parameters, the derivatives, say what the noise of surfaces drives.
     """
 
     predicted: Array
-    variance: Array
+    variance: Array | None
     innovations: Array
-    used: NDArray[np.bool_]
-    surface_noise_score: Array
-    surface_noise_information: Array
-    surface_noise_scatter: Array
+    window: Window
+    surface_noises: Array
+    surface_noise_slopes: Array
+    driven: int
 
     def score(self) -> Array:
         """Gradient of the log-likelihood by reading, without (3), (size, readings)."""
         e = self.innovations
-        return np.asarray(self.predicted * e + 0.5 * self.variance * np.where(self.used, e * e - 1.0, 0.0))
+        score = self.predicted * e
+        if self.variance is not None:
+            score += 0.5 * self.variance * np.where(self.window.used.ravel(), e * e - 1.0, 0.0)
+        return score
 
     def information(self) -> Array:
         """Expected information, with what noise of surfaces adds to it, (size, size)."""
-        return np.asarray(self.predicted @ self.predicted.T + 0.5 * self.variance @ self.variance.T)
+        information = self.predicted @ self.predicted.T
+        if self.variance is not None:
+            information += 0.5 * self.variance @ self.variance.T
+        return np.asarray(information)
+
+    @property
+    def surface_noise_score(self) -> Array:
+        """What the noise of surfaces takes from the score, (size,)."""
+        return np.asarray(self.surface_noise_slopes @ self.surface_noises.ravel())
+
+    @property
+    def surface_noise_information(self) -> Array:
+        """What it adds to the information, (size, size): noises of sensors and air change how a response is weighted,
+        not what it is of, and that is in the information already."""
+        driven = self.surface_noise_slopes.copy()
+        driven[self.driven :] = 0.0
+        return np.asarray(driven @ driven.T)
+
+    def surface_noise_scatter(self) -> Array:
+        """What it adds to the score's variance, (size, size)."""
+        (size, _), (samples, channels) = self.predicted.shape, self.window.readings.shape
+        total = np.zeros((size, size))
+        rows = self.predicted.reshape(size, samples, channels)
+        for place, j in enumerate(_noisy(self.window)):
+            moving = self.window.moving[:, j]
+            # the pulse is at the second sample of a response
+            answer = self.surface_noises[place].reshape(-1, channels)
+            seen = _seen_after(self.window, len(answer))[:, None]
+            answer = (answer / seen)[1:] / math.sqrt(np.count_nonzero(moving))
+            answered = sum(
+                scipy.signal.fftconvolve(rows[:, :, c], answer[::-1, c][None], axes=1)[:, len(answer) - 1 :]
+                for c in range(channels)
+            )
+            total += (answered * moving) @ np.asarray(answered).T
+        return total
 
 
 def evaluate(problem: Problem, p: Array) -> Evaluation | None:
@@ -147,8 +184,8 @@ def evaluate(problem: Problem, p: Array) -> Evaluation | None:
     point = Evaluation(p, 0.0, [], [], [], [], [])
     for window in problem.windows:
         system = model.system(p, window)
-        trace = empty_trace(len(window), window.readings.shape[1], system.covariance.shape[0])
-        innovations(system, model.record(window, np.zeros(window.own)), trace, True)
+        trace = empty_trace(len(window), window.readings.shape[1], len(system.covariance))
+        _filter(model, system, model.record(window, np.zeros(window.own)), trace, True)
         if not (np.isfinite(trace.innovations).all() and trace.variances.min() > 0.0):
             return None
         point.systems.append(system)
@@ -159,7 +196,7 @@ def evaluate(problem: Problem, p: Array) -> Evaluation | None:
     _take_own_out(problem, point)
     for m, window in enumerate(problem.windows):
         system, trace = point.systems[m], point.traces[m]
-        surface_noise = _surface_noise(model, window, system, trace)
+        surface_noise = _surface_noise(model, window, _pulses(model, window), system, trace)
         point.surface_noises.append(surface_noise)
         cost += 0.5 * float(np.sum(trace.innovations**2 / trace.variances + np.log(trace.variances)))
         cost -= 0.5 * float(np.sum(surface_noise**2))
@@ -168,11 +205,32 @@ def evaluate(problem: Problem, p: Array) -> Evaluation | None:
     return replace(point, cost=cost)
 
 
+def _filter(model: Model, system: System, record: Record, trace: Trace, lead: bool) -> None:
+    """Fill a trace (``innovations``); without process noise there is nothing to correct."""
+    if model.air:
+        innovations(system, record, trace, lead)
+    else:
+        left = record.readings - respond(system, record.start, record.end, record.state)
+        trace.innovations[...] = np.where(record.used, left, 0.0)
+
+
+def _filtered(model: Model, system: System, trace: Trace, used: NDArray[np.bool_], columns: Array) -> Array:
+    """Innovations that readings (columns, samples, channels) make."""
+    if not model.air:
+        return columns * used
+    filter_columns(system, trace, used, columns)
+    return columns
+
+
 def _take_own_out(problem: Problem, point: Evaluation) -> None:
     """Each window's own constants and the innovations that they leave, and the noise where it follows from these."""
     raw = [trace.innovations.copy() for trace in point.traces]
     if not problem.model.air:
-        _set_noise(problem, point, [np.where(w.used, w.readings - w.readings.mean(axis=0), 0.0) for w in problem.windows])
+        _set_noise(
+            problem,
+            point,
+            [np.where(w.used, w.readings - w.readings.mean(axis=0), 0.0) for w in problem.windows],
+        )
     for _ in range(1 if problem.model.air else _PASSES):
         point.own.clear()
         for trace, columns, innovation in zip(point.traces, point.own_columns, raw, strict=True):
@@ -192,25 +250,38 @@ def _set_noise(problem: Problem, point: Evaluation, left: Sequence[Array]) -> No
         trace.variances[...] = np.where(window.used, variance, 1.0)
 
 
-def _surface_noise(model: Model, window: Window, system: System, trace: Trace) -> Array:
-    """Innovations after one sample's noise of each measured input, whitened and as strong as all samples' together,
-    (inputs, readings). The sample is one from which on the gains have settled."""
+def _pulses(model: Model, window: Window) -> tuple[slice, Array]:
+    """A sample's noise of each measured input, as strong as all samples' together, and over which samples its effect is
+    looked at: (inputs, samples, forcings). The sample, the second, is one from which on the gains have settled."""
     inputs, often = _noisy(window), window.moving.sum(axis=0)
-    if not inputs.size:
-        return np.zeros((0, 0))
-    ns, at = model.plant.states, len(window) // 3
+    at = len(window) // 3 if model.air else 0
     length = min(len(window) - at, math.ceil(_MEMORY_S / window.dt))
-    span = slice(at, at + length)
+    pulses = np.zeros((inputs.size, length, window.start.shape[1]))
+    for place, j in enumerate(inputs):
+        pulses[place, 1, model.plant.states + j] = math.sqrt(window.input_noise[j] * often[j])
+    return slice(at, at + length), pulses
+
+
+def _surface_noise(
+    model: Model, window: Window, pulses: tuple[slice, Array], system: System, trace: Trace
+) -> Array:
+    """Innovations after ``_pulses``, whitened, (inputs, readings); so many samples later a sample's effect is seen but
+    for those near the window's end."""
+    span, drives = pulses
+    if not len(drives):
+        return np.zeros((0, 0))
     late = Trace(trace.innovations[span], trace.variances[span], trace.gains[span], trace.renewed[span])
     here = system._replace(level=system.level[span])
-    columns = np.zeros((inputs.size, length, window.readings.shape[1]))
-    for place, j in enumerate(inputs):
-        pulse = np.zeros((length, window.start.shape[1] - ns))
-        pulse[1, ns + j] = math.sqrt(window.input_noise[j] * often[j])
-        columns[place] = open_loop(model, _driven_by(window, span, pulse, np.zeros((length, ns))), here)
-    states = np.zeros((inputs.size, system.covariance.shape[0]))
-    filter_columns(here, late, window.used[span], columns, states)
-    return np.asarray((columns / np.sqrt(late.variances)).reshape(inputs.size, -1))
+    still = np.zeros(len(system.covariance))
+    columns = np.array([respond(here, drive, following(drive), still) for drive in drives])
+    columns = _filtered(model, here, late, window.used[span], columns)
+    seen = _seen_after(window, drives.shape[1])[:, None]
+    return np.asarray((columns * (seen / np.sqrt(late.variances))).reshape(len(drives), -1))
+
+
+def _seen_after(window: Window, length: int) -> Array:
+    """Root of the share of samples whose noise is still seen so many samples later, (length,); 1 at the pulse."""
+    return np.asarray(np.sqrt(1.0 - np.maximum(np.arange(length) - 1.0, 0.0) / len(window)))
 
 
 def _noisy(window: Window) -> NDArray[np.int64]:
@@ -218,59 +289,27 @@ def _noisy(window: Window) -> NDArray[np.int64]:
     return np.flatnonzero(window.input_noise * window.moving.sum(axis=0))
 
 
-def _surface_noise_scatter(window: Window, predicted: Array, surface_noises: Array) -> Array:
-    """Variance of the score that the surfaces' noise in the innovations makes, (size, size)."""
-    size, channels = predicted.shape[0], window.readings.shape[1]
-    total = np.zeros((size, size))
-    rows = predicted.reshape(size, len(window), channels)
-    for place, j in enumerate(_noisy(window)):
-        moving = window.moving[:, j]
-        # the pulse is at the second sample of a response
-        answer = surface_noises[place].reshape(-1, channels)[1:] / math.sqrt(np.count_nonzero(moving))
-        answered = sum(
-            scipy.signal.fftconvolve(rows[:, :, c], answer[::-1, c][None], axes=1)[:, answer.shape[0] - 1 :]
-            for c in range(channels)
-        )
-        total += (answered * moving) @ np.asarray(answered).T
-    return total
-
-
-def _driven_by(window: Window, span: slice, drives: Array, aerodynamic: Array) -> Window:
-    """A window in which nothing happens but these drives, on lines between samples, and accelerations."""
-    start = np.column_stack([drives, aerodynamic])
-    return replace(
-        window, readings=np.zeros_like(window.readings[span]), used=window.used[span], start=start,
-        end=following(start), aerodynamic=aerodynamic, trims=window.trims[span],
-    )  # fmt: skip
-
-
 def open_loop(model: Model, window: Window, system: System) -> Array:
     """Readings that a window's forcing alone makes, without noise or correction, (samples, channels)."""
-    samples, channels = window.readings.shape
-    still = system._replace(noise=0.0 * system.noise, covariance=0.0 * system.covariance)
-    trace = empty_trace(samples, channels, system.covariance.shape[0])
-    silent = replace(window, readings=np.zeros_like(window.readings), used=np.ones_like(window.used))
-    innovations(still, model.record(silent, np.zeros(window.own)), trace, True)
-    return -trace.innovations
+    readings: Array = respond(system, window.start, window.end, np.zeros(len(system.covariance)))
+    readings[:, model.plant.states :] += window.aerodynamic[:, model.plant.forces]
+    return readings
 
 
 def _own_columns(model: Model, window: Window, system: System, trace: Trace) -> Array:
     """Innovations that a unit of each of the window's own constants takes away, (own, samples, channels)."""
-    samples, channels = window.readings.shape
-    ns, n, pushes = model.plant.states, system.covariance.shape[0], window.trims.shape[1]
-    readings = np.zeros((window.own, samples, channels))
-    states = np.zeros((window.own, n))
-    drives = np.zeros_like(window.start[:, ns:])
+    ns, n, pushes = model.plant.states, len(system.covariance), window.trims.shape[1]
+    columns, none = np.zeros((window.own, *window.readings.shape)), np.zeros_like(window.start)
     for c in range(pushes * ns):
-        aerodynamic = np.zeros((samples, ns))
-        aerodynamic[:, c % ns] = window.trims[:, c // ns]
-        readings[c] = open_loop(model, _driven_by(window, slice(None), drives, aerodynamic), system)
+        push = none.copy()
+        push[:, c % ns - ns] = window.trims[:, c // ns]
+        columns[c] = respond(system, push, following(push), np.zeros(n))
+        columns[c, :, ns:] += push[:, model.plant.forces - ns]
     for c, channel in enumerate(window.constants, pushes * ns):
-        readings[c, :, channel] = 1.0
+        columns[c, :, channel] = 1.0
     for j in range(ns):
-        states[window.own - ns + j, n - ns + j] = -1.0
-    filter_columns(system, trace, window.used, readings, states)
-    return readings
+        columns[window.own - ns + j] = respond(system, none, none, np.eye(n)[n - ns + j])
+    return _filtered(model, system, trace, window.used, columns)
 
 
 def _least_squares(columns: Array, trace: Trace, innovation: Array) -> Array:
@@ -292,56 +331,39 @@ def information_inverse(matrix: Array, flat: float = _FLAT) -> Array:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Lane:
-    """Innovations, their variances and the response to the surfaces' noise at parameters a step away."""
-
-    innovations: Array
-    variances: Array
-    surface_noise: Array
-
-
-def _lane(problem: Problem, point: Evaluation, m: int, i: int, record: Record) -> _Lane:
-    """The filter of window m with parameter i moved."""
+def _lane(
+    problem: Problem, point: Evaluation, m: int, i: int, record: Record, pulses: tuple[slice, Array]
+) -> tuple[Trace, Array]:
+    """The filter of window m with parameter i moved, and its innovations by the surfaces' noise."""
     window, model, there = problem.windows[m], problem.model, point.traces[m]
     moved = point.parameters.copy()
     moved[i] += problem.prior.step[i]
     system = model.system(moved, window)
-    lane = Trace(
-        np.zeros_like(there.innovations),
-        np.ones_like(there.variances),
-        np.zeros_like(there.gains),
-        there.renewed,
-    )
-    innovations(system, record, lane, False)
-    if not model.air:
-        lane.variances[...] = there.variances
-    return _Lane(lane.innovations, lane.variances, _surface_noise(model, window, system, lane))
+    variances = np.ones_like(there.variances) if model.air else there.variances
+    gains = np.zeros_like(there.gains) if model.air else there.gains
+    lane = Trace(np.zeros_like(there.innovations), variances, gains, there.renewed)
+    _filter(model, system, record, lane, False)
+    return lane, _surface_noise(model, window, pulses, system, lane)
 
 
 def sensitivities(problem: Problem, point: Evaluation, m: int) -> Sensitivities:
     """Of window m at an evaluated point; rows of parameters that are not free are 0."""
-    window, trace, size = problem.windows[m], point.traces[m], point.parameters.size
-    readings = trace.innovations.size
+    window, trace, size, model = problem.windows[m], point.traces[m], point.parameters.size, problem.model
+    readings, noises = trace.innovations.size, point.surface_noises[m]
     root = 1.0 / np.sqrt(trace.variances)
-    predicted, variance = np.zeros((size, readings)), np.zeros((size, readings))
-    record = problem.model.record(window, point.own[m])
-    surface_noises = np.zeros((size, *point.surface_noises[m].shape))
+    predicted, slopes = np.zeros((size, readings)), np.zeros((size, noises.size))
+    variance = np.zeros((size, readings)) if model.air else None
+    record, pulses = model.record(window, point.own[m]), _pulses(model, window)
     for i in np.flatnonzero(problem.free).tolist():
         step = problem.prior.step[i]
-        there = _lane(problem, point, m, i, record)
-        predicted[i] = ((trace.innovations - there.innovations) * root).ravel() / step
-        variance[i] = ((there.variances - trace.variances) / trace.variances).ravel() / step
-        surface_noises[i] = (there.surface_noise - point.surface_noises[m]) / step
+        lane, surface_noise = _lane(problem, point, m, i, record, pulses)
+        predicted[i] = ((trace.innovations - lane.innovations) * root).ravel() / step
+        slopes[i] = (surface_noise - noises).ravel() / step
+        if variance is not None:
+            variance[i] = ((lane.variances - trace.variances) / trace.variances).ravel() / step
     x = (point.own_columns[m] * root).reshape(-1, readings)
+    whole = np.sum(predicted**2, axis=1)
     predicted -= (predicted @ x.T) @ information_inverse(x @ x.T) @ x
-    flat = surface_noises.reshape(size, -1)
-    driven = (
-        flat.copy()
-    )  # noises change how a response is weighted, not what it is of: that is in the information already
-    driven[problem.model.layout.theta.stop :] = 0.0
-    return Sensitivities(
-        predicted, variance, (trace.innovations * root).ravel(), window.used.ravel(),
-        flat @ point.surface_noises[m].ravel(), driven @ driven.T,
-        _surface_noise_scatter(window, predicted, point.surface_noises[m]),
-    )  # fmt: skip
+    predicted[np.sum(predicted**2, axis=1) <= _FLAT * whole] = 0.0  # own constants explain all but rounding
+    innovation = (trace.innovations * root).ravel()
+    return Sensitivities(predicted, variance, innovation, window, noises, slopes, model.layout.theta.stop)

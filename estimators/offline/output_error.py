@@ -26,7 +26,6 @@ from wingwatch.estimators.offline.likelihood import (
     Problem,
     evaluate,
     information_inverse,
-    sensitivities,
 )
 from wingwatch.estimators.offline.manoeuvre import Manoeuvre
 from wingwatch.estimators.offline.parameters import Model
@@ -43,7 +42,7 @@ from wingwatch.estimators.offline.regression import (
     shared_config,
     signal_share,
 )
-from wingwatch.estimators.offline.scoring import Search, Solution, climb, slope_at
+from wingwatch.estimators.offline.scoring import Search, Slope, Solution, climb, slope_at
 from wingwatch.estimators.offline.window import window
 from wingwatch.estimators.plant.motion import Plant
 
@@ -55,6 +54,9 @@ NAME = "output-error"
 
 _CORRECTIONS = 8
 """Most steps towards the gradient that the inputs' noise makes."""
+
+_COARSE = 0.3
+"""Share of their errors within which parameters are first brought, where the steps towards that gradient follow."""
 
 _STEP = 1e-5
 """Of a derivative's natural size, by which it is moved for its sensitivity."""
@@ -105,14 +107,16 @@ def output_error(
     settings = config or OutputErrorConfig()
     first = plain_start(parts) if start is None else np.asarray(start, dtype=np.float64)
     problem, quiet = _problems(parts, first, settings.drift)
-    search = Search(
-        settings.iterations, math.inf, settings.tolerance, settings.method == "levenberg-marquardt"
-    )
+    noisy = any(w.input_noise.any() for w in problem.windows)
+    tolerance = max(settings.tolerance, _COARSE) if noisy else settings.tolerance
+    search = Search(settings.iterations, math.inf, tolerance, settings.method == "levenberg-marquardt")
     solution = climb(quiet, quiet.prior.start, search)
     if solution is None:
         raise ValueError("the model runs away from the flight where the search starts; give another start")
-    point = _without_input_noise(problem, solution.point, settings.tolerance)
-    return _report(parts, problem, point, solution, settings, natural)
+    point, slope = solution.point, solution.slope
+    if noisy:
+        point, slope = _without_input_noise(problem, point, settings.tolerance)
+    return _report(parts, problem, replace(solution, point=point, slope=slope), settings, natural)
 
 
 def response(part: Manoeuvre, derivatives: Array) -> Mapping[str, tuple[Array, Array]]:
@@ -164,21 +168,20 @@ def _natural(parts: Sequence[Manoeuvre], theta: Array) -> Array:
     return np.asarray(np.where(sizes > 0.0, sizes, 1.0).reshape(-1))
 
 
-def _without_input_noise(problem: Problem, point: Evaluation, tolerance: float) -> Evaluation:
+def _without_input_noise(problem: Problem, point: Evaluation, tolerance: float) -> tuple[Evaluation, Slope]:
     """From the maximum of the likelihood to where the gradient is what the inputs' noise makes of it."""
-    if not any(w.input_noise.any() for w in problem.windows):
-        return point
+    slope = None
     found = evaluate(problem, point.parameters)
     for _ in range(_CORRECTIONS):
         if found is None:
-            return point
+            break
         point, slope = found, slope_at(problem, found)
         share = signal_share(1, math.inf)
         step = corrected_step(slope.information, slope.surface_noise, slope.score, share).step
-        found = evaluate(problem, point.parameters + step)
         if float(step @ slope.information @ step) <= tolerance**2:
             break
-    return found or point
+        found = evaluate(problem, point.parameters + step)
+    return point, slope or slope_at(problem, point)
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,31 +190,25 @@ class _Residuals:
 
     Attributes:
         left: (n, channels); slopes: without what own constants explain, (n, channels, k).
-        information, noise: of the derivatives, (k, k), and what of it is noise of the inputs.
         own: degrees of freedom that own constants take from each channel, (channels,).
         counts: readings of each channel, (channels,).
     """
 
     left: list[Array]
     slopes: list[Array]
-    information: Array
-    noise: Array
     own: Array
     counts: Array
 
 
-def _residuals(problem: Problem, point: Evaluation) -> _Residuals:
-    k, channels = problem.free.size, problem.model.plant.channels
-    found = _Residuals([], [], np.zeros((k, k)), np.zeros((k, k)), np.zeros(channels), np.zeros(channels))
-    for m, data in enumerate(problem.windows):
-        s = sensitivities(problem, point, m)
-        root = np.where(data.used, 1.0 / np.sqrt(point.traces[m].variances), 0.0)
-        x = (point.own_columns[m] * root).reshape(data.own, -1)
+def _residuals(problem: Problem, solution: Solution) -> _Residuals:
+    channels = problem.model.plant.channels
+    found = _Residuals([], [], np.zeros(channels), np.zeros(channels))
+    for m, (data, s) in enumerate(zip(problem.windows, solution.slope.windows, strict=True)):
+        root = 1.0 / np.sqrt(solution.point.traces[m].variances)
+        x = (solution.point.own_columns[m] * root).reshape(data.own, -1)
         hat = np.sum(x * (information_inverse(x @ x.T) @ x), axis=0)
         found.left.append(s.innovations.reshape(data.readings.shape))
-        found.slopes.append(s.predicted.T.reshape(*data.readings.shape, k))
-        found.information[...] += s.information()
-        found.noise[...] += s.surface_noise_information
+        found.slopes.append(s.predicted.T.reshape(*data.readings.shape, -1))
         found.own[...] += hat.reshape(data.readings.shape).sum(axis=0)
         found.counts[...] += data.used.sum(axis=0)
     return found
@@ -220,18 +217,17 @@ def _residuals(problem: Problem, point: Evaluation) -> _Residuals:
 def _report(
     parts: Sequence[Manoeuvre],
     problem: Problem,
-    point: Evaluation,
     solution: Solution,
     settings: OutputErrorConfig,
     natural: Array | None,
 ) -> tuple[Estimate, Fit]:
-    found, k = _residuals(problem, point), problem.free.size
-    corrected = corrected_step(found.information, found.noise, np.zeros(k), signal_share(1, math.inf))
+    found, slope, k = _residuals(problem, solution), solution.slope, problem.free.size
+    corrected = corrected_step(slope.information, slope.surface_noise, np.zeros(k), signal_share(1, math.inf))
     inverse = corrected.inverse
     taken = found.own + sum(np.einsum("ncp,pq,ncq->c", s, inverse, s, optimize=True) for s in found.slopes)
     growth = found.counts / np.maximum(found.counts - taken, 1.0)
     middle = sum(np.einsum("ncp,c,ncq->pq", s, growth, s, optimize=True) for s in found.slopes)
-    channels, windows = _channels(problem, point, taken)
+    channels, windows = _channels(problem, solution.point, taken)
     chosen = settings.covariance == "coloured" or (settings.covariance == "auto" and not is_white(windows))
     sensors = dict(
         zip(noise_names(parts[0].config), sensor_noise(parts, common_forces(parts)).tolist(), strict=True)
@@ -247,7 +243,7 @@ def _report(
     coloured += _may_be_off_by(found, unexplained)
     unit = np.outer(problem.model.natural, problem.model.natural)
     white, coloured = (unit * (inverse @ m @ inverse) for m in (middle, coloured))
-    value = point.parameters * problem.model.natural
+    value = solution.point.parameters * problem.model.natural
     referred = ReferredEstimate(value, white, coloured, chosen, corrected.hidden)
     unknowns = k + sum(w.own for w in problem.windows)
     settled = solution.converged or solution.iterations < settings.iterations
@@ -266,7 +262,7 @@ def _may_be_off_by(found: _Residuals, unexplained: Sequence[tuple[int, float]]) 
 
     ``unexplained``: channels, and the share of their residuals' power that is no sensor's noise.
     """
-    total = np.zeros_like(found.information)
+    total = np.zeros((found.slopes[0].shape[2],) * 2)
     for c, share in unexplained:
         power = share * sum(float(np.sum(e[:, c] ** 2)) for e in found.left)
         total += power * sum(s[:, c].T @ s[:, c] for s in found.slopes)
@@ -279,9 +275,14 @@ def _channels(
     """Statistics of every channel that was used, and its residuals by window."""
     channels, windows = [], []
     for c, name in enumerate(problem.model.plant.channel_names):
-        read = [(w.readings[w.used[:, c], c], t.innovations[w.used[:, c], c]) for w, t in zip(problem.windows, point.traces, strict=True)]
+        read = [
+            (w.readings[w.used[:, c], c], t.innovations[w.used[:, c], c])
+            for w, t in zip(problem.windows, point.traces, strict=True)
+        ]
         read = [(z, e) for z, e in read if z.size]
         if read:
-            channels.append(channel_fit(name, [z for z, _ in read], [z - e for z, e in read], float(taken[c])))
+            channels.append(
+                channel_fit(name, [z for z, _ in read], [z - e for z, e in read], float(taken[c]))
+            )
             windows.append([e for _, e in read])
     return tuple(channels), windows

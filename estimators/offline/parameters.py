@@ -125,7 +125,11 @@ class Model:
 
     def noise(self, p: Array) -> Array:
         """Variance of each channel above its floor, (channels,); in still air it follows from the innovations."""
-        return np.exp(np.clip(p[self.layout.log_noise], -60.0, 30.0)) if self.air else np.ones(self.plant.channels)
+        return (
+            np.exp(np.clip(p[self.layout.log_noise], -60.0, 30.0))
+            if self.air
+            else np.ones(self.plant.channels)
+        )
 
     def grows(self, p: Array, window: Window) -> bool:
         """Whether the motion of the derivatives or of their copy at p (size,) grows faster than an aircraft's."""
@@ -144,10 +148,15 @@ class Model:
         """The filter at parameters p (size,), with the step of the window in seconds."""
         derivatives, air, ns = self.derivatives(p), self.moving_air(p), self.plant.states
         at = Flown(window.known, 1.0, window.airspeed_m_s, window.dt)
-        linear = [self.plant.linear(derivatives, air, at._replace(stability=s)) for s in window.levels.tolist()]
+        linear = [
+            self.plant.linear(derivatives, air, at._replace(stability=s)) for s in window.levels.tolist()
+        ]
         # the noise of the air does not depend on the level
         f, early, late, q = discretise_levels(
-            np.array([one.a for one in linear]), np.column_stack([derivatives, np.eye(ns)]), linear[0].noise, window.dt
+            np.array([one.a for one in linear]),
+            np.column_stack([derivatives, np.eye(ns)]),
+            linear[0].noise,
+            window.dt,
         )
         covariance = np.zeros_like(f[0])
         if air is not None:

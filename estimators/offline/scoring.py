@@ -10,6 +10,7 @@ from scipy.linalg import eigh
 from wingwatch.estimators.offline.likelihood import (
     Evaluation,
     Problem,
+    Sensitivities,
     evaluate,
     information_inverse,
     sensitivities,
@@ -158,14 +159,14 @@ class Slope:
         score: gradient of minus the cost, (size,).
         information: as the innovations have it; surface_noise: what of it is noise of measured surfaces, (size, size).
         signal: the first less the second, but of no direction less than a fifth, (size, size).
-        spread: expected variance of the data's score, (size, size).
+        windows: sensitivities of each.
     """
 
     score: Array
     information: Array
     surface_noise: Array
     signal: Array
-    spread: Array
+    windows: list[Sensitivities]
 
 
 def climb(problem: Problem, start: Array, search: Search | None = None) -> Solution | None:
@@ -184,7 +185,8 @@ def climb(problem: Problem, start: Array, search: Search | None = None) -> Solut
         point = better
         slope = slope_at(problem, point)
     inverse, prior = _inverse(problem, slope), np.diag(problem.prior.std**-2)
-    covariance = inverse @ (slope.spread + prior) @ inverse
+    spread = slope.information + sum(s.surface_noise_scatter() for s in slope.windows)
+    covariance = inverse @ (spread + prior) @ inverse
     gusts = problem.model.air and bool(problem.free[problem.model.layout.gust])
     return Solution(point, slope, inverse, covariance, n, _at_rest(problem, slope, search), gusts)
 
@@ -213,15 +215,14 @@ def slope_at(problem: Problem, point: Evaluation) -> Slope:
     """Score and information of all windows at an evaluated point."""
     p, prior = point.parameters, problem.prior
     score, information = problem.free * (prior.mean - p) / prior.std**2, np.zeros((p.size, p.size))
-    surface_noise, scatter = np.zeros_like(information), np.zeros_like(information)
-    for m in range(len(problem.windows)):
-        s = sensitivities(problem, point, m)
+    surface_noise = np.zeros_like(information)
+    windows = [sensitivities(problem, point, m) for m in range(len(problem.windows))]
+    for s in windows:
         score = score + s.score().sum(axis=1) + s.surface_noise_score
         information += s.information()
         surface_noise += s.surface_noise_information
-        scatter += s.surface_noise_scatter
     signal = _signal_information(information, surface_noise, np.diag(prior.std**-2))
-    return Slope(score, information, surface_noise, signal, information + scatter)
+    return Slope(score, information, surface_noise, signal, windows)
 
 
 def _signal_information(information: Array, surface_noise: Array, prior: Array) -> Array:

@@ -113,7 +113,13 @@ def window(
     part, present = _on_even_clock(part)
     held = np.vstack([part.held_steps, np.ones((1, part.inputs.shape[1]), dtype=bool)])
     measured = part.inputs
-    part = replace(part, inputs=_surfaces(part, input_noise))
+    import os
+
+    part = (
+        replace(part, inputs=_surfaces(part, input_noise))
+        if deviations or not os.environ.get("NOREST")
+        else part
+    )
     states = part.states
     readings = np.column_stack([states, part.accelerometer[:, forces]])
     used = np.isfinite(readings) & present[:, None]
@@ -184,7 +190,9 @@ def _whole(part: Manoeuvre, held: NDArray[np.bool_], near: Array) -> tuple[Array
     s, here = part.stability[:, None], near[:, None]
     ends = np.where(held, part.inputs, following(part.inputs))
     start = np.column_stack([(s - here) * part.states, part.control[:, None] * part.inputs])
-    end = np.column_stack([(following(s) - here) * following(part.states), following(part.control)[:, None] * ends])
+    end = np.column_stack(
+        [(following(s) - here) * following(part.states), following(part.control)[:, None] * ends]
+    )
     return start, end
 
 

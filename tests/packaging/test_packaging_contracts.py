@@ -76,7 +76,7 @@ BREACHES = (
         "what estimators share knows none of them",
     ),
     (
-        "estimators/batch",
+        "estimators/plant",
         "import wingwatch.estimators.ekf.noise",
         "what estimators share knows none of them",
     ),
