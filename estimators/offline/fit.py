@@ -101,7 +101,7 @@ def autocovariance(residuals: Sequence[Array], lags: int = LAGS) -> Array:
 
     ``residuals``: windows of shape (n_m,), of any lengths.
     """
-    return crosscovariance(residuals, residuals, lags)[0]
+    return np.asarray(crosscovariance(residuals, residuals, lags)[0])
 
 
 def crosscovariance(residuals: Sequence[Array], others: Sequence[Array], lags: int) -> Array:

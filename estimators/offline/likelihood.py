@@ -174,7 +174,7 @@ class Sensitivities:
 
 
 def evaluate(problem: Problem, p: Array) -> Evaluation | None:
-    """The likelihood at parameters p (size,) of ``Model.layout``; None where the motion would grow without bounds or the
+    """The likelihood at parameters p (size,) of ``Model.layout``; None where motion would grow without bounds or the
     result is not finite."""
     model = problem.model
     if any(model.grows(p, w) for w in problem.windows):

@@ -1,7 +1,7 @@
-"""Parameters of the likelihood of whole flights, and the filter of one window that they make (docs/methods/filter_error.md).
+"""Parameters of the likelihood of whole flights, and the filter of one window that they make.
 
-In still air the derivatives are all of them: no process noise, so that the filter is the model's response. In moving air
-everything else is there so that the derivatives' error is honest.
+In still air the derivatives are all of them: no process noise, so that the filter is the model's response. In moving
+air everything else is there so that the derivatives' error is honest (docs/methods/filter_error.md).
 """
 
 from dataclasses import dataclass
@@ -117,9 +117,9 @@ class Model:
             return None
         at, ns = self.layout, self.plant.states
         sizes = self.natural.reshape(ns, -1)[:, :ns]
-        times = np.exp(np.clip(p[at.log_span_time : at.log_span_time + 3], -6.0, 6.0)).tolist()
+        span, gust, moment = np.exp(np.clip(p[at.log_span_time : at.log_span_time + 3], -6.0, 6.0)).tolist()
         return Air(
-            p[at.copy].reshape(ns, ns) * sizes, float(np.exp(p[at.gust])), p[at.gust_rate_gain], *times,
+            p[at.copy].reshape(ns, ns) * sizes, float(np.exp(p[at.gust])), p[at.gust_rate_gain], span, gust, moment,
             np.exp(p[at.disturbance]),
         )  # fmt: skip
 

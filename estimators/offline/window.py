@@ -86,7 +86,7 @@ class Window:
     def own(self) -> int:
         """How many constants of its own there are."""
         states = self.known.shape[0]
-        return states * (self.trims.shape[1] + 1) + self.constants.size
+        return int(states * (self.trims.shape[1] + 1) + self.constants.size)
 
     def split(self, own: Array) -> tuple[Array, Array, Array]:
         """Own constants (own,) as strengths of the trims (trims, states), constants of all channels (channels,), and

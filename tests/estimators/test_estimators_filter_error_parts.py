@@ -90,8 +90,8 @@ def test_innovations_are_those_of_filterpy() -> None:
             peer.P = f @ peer.P @ f.T + q
         for c in range(3):
             peer.update(
-                np.array([record.readings[t, c] - system.direct[c] @ record.start[t]]), R=np.array([[system.variance[c]]]),
-                H=system.output[0, c][None],
+                np.array([record.readings[t, c] - system.direct[c] @ record.start[t]]),
+                R=np.array([[system.variance[c]]]), H=system.output[0, c][None],
             )  # fmt: skip
             found[t, c] = peer.y.item(), peer.S.item()
     np.testing.assert_allclose(trace.variances[:200], found[:, :, 1], rtol=1e-9)
