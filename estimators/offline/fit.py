@@ -26,6 +26,7 @@ __all__ = [
     "crosscovariance",
     "correlation",
     "is_white",
+    "no_less_than",
 ]
 
 Array = NDArray[np.float64]
@@ -257,6 +258,15 @@ def coloured_covariance(slopes: Sequence[Array], residuals: Sequence[Array], gro
                 part = coloured_sum(s[:, c], s[:, d], covariance)
                 middle += part if c == d else part + part.T
     return middle
+
+
+def no_less_than(least: Array, covariance: Array) -> Array:
+    """A covariance (k, k) with no variance below ``least``'s, (k, k), and its own correlations.
+
+    Residuals of a short record do not show all of their colour: a fit takes some of it for motion.
+    """
+    factor = np.sqrt(np.maximum(np.diagonal(least) / np.maximum(np.diagonal(covariance), 1e-300), 1.0))
+    return np.asarray(covariance * np.outer(factor, factor))
 
 
 def _parzen(lags: int) -> Array:

@@ -5,8 +5,9 @@ accelerometer): filter error's likelihood without process noise. Unknown are the
 and of each manoeuvre its trim forces, initial state and accelerometer bias; the noise variances are those of the
 residuals (5.17).
 
-Noise of measured inputs drives the model as well. What it is expected to add to the gradient is taken out of it, and
-what it makes of the residuals is in the covariance for coloured residuals of all channels together.
+Noise of measured inputs drives the model as well. What it is expected to add to the gradient is taken out of it; what
+it adds to the gradient's variance is in the covariance for white noise, and what it makes of the residuals in the one
+for coloured residuals of all channels together.
 There is no other process noise: in turbulence use the equation error (force by accelerometer) or filter error.
 """
 
@@ -19,7 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.estimators.estimate import Estimate
-from wingwatch.estimators.offline.fit import ChannelFit, Fit, channel_fit, coloured_covariance, is_white
+from wingwatch.estimators.offline.fit import (
+    ChannelFit,
+    Fit,
+    channel_fit,
+    coloured_covariance,
+    is_white,
+    no_less_than,
+)
 from wingwatch.estimators.offline.likelihood import (
     Evaluation,
     Prior,
@@ -226,7 +234,14 @@ def _report(
     inverse = corrected.inverse
     taken = found.own + sum(np.einsum("ncp,pq,ncq->c", s, inverse, s, optimize=True) for s in found.slopes)
     growth = found.counts / np.maximum(found.counts - taken, 1.0)
-    middle = sum(np.einsum("ncp,c,ncq->pq", s, growth, s, optimize=True) for s in found.slopes)
+    by_inputs = sum(
+        np.sum(s.surface_noises.reshape(-1, growth.size) ** 2, axis=0)
+        for s in slope.windows
+        if s.surface_noises.size
+    ) / np.maximum(found.counts, 1)
+    alone = growth * np.maximum(1.0 - by_inputs, 0.0)
+    middle = sum(np.einsum("ncp,c,ncq->pq", s, alone, s, optimize=True) for s in found.slopes)
+    middle += sum(s.surface_noise_scatter() for s in slope.windows)
     channels, windows = _channels(problem, solution.point, taken)
     chosen = settings.covariance == "coloured" or (settings.covariance == "auto" and not is_white(windows))
     sensors = dict(
@@ -243,6 +258,7 @@ def _report(
     coloured += _may_be_off_by(found, unexplained)
     unit = np.outer(problem.model.natural, problem.model.natural)
     white, coloured = (unit * (inverse @ m @ inverse) for m in (middle, coloured))
+    coloured = no_less_than(white, coloured)
     value = solution.point.parameters * problem.model.natural
     referred = ReferredEstimate(value, white, coloured, chosen, corrected.hidden)
     unknowns = k + sum(w.own for w in problem.windows)

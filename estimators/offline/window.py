@@ -107,19 +107,15 @@ def window(
             stamps are interpolated on a line (``Manoeuvre.even``).
         forces: equations whose accelerometer is read.
         input_noise: variance of each measured input, (inputs,); 0 for commands.
-        deviations: whether x is the deviation from the means, or the motion itself.
+        deviations: whether x is the deviation from the means, or the motion itself. Of deviations surfaces at rest are
+            taken to be at their mean.
         drift: whether trim forces may move on a line.
     """
     part, present = _on_even_clock(part)
     held = np.vstack([part.held_steps, np.ones((1, part.inputs.shape[1]), dtype=bool)])
     measured = part.inputs
-    import os
-
-    part = (
-        replace(part, inputs=_surfaces(part, input_noise))
-        if deviations or not os.environ.get("NOREST")
-        else part
-    )
+    if deviations:
+        part = replace(part, inputs=_surfaces(part, input_noise))
     states = part.states
     readings = np.column_stack([states, part.accelerometer[:, forces]])
     used = np.isfinite(readings) & present[:, None]
