@@ -92,7 +92,7 @@ def left_unexplained(own: float, due: float, freedom: float) -> float:
 
 
 def may_be_off(differences: Sequence[Difference]) -> Array:
-    """Covariance by which what no sensor explains may have put the derivatives off, (k, k)."""
+    """Covariance by which what no sensor explains may have put the concise derivatives off, (k, k)."""
     return np.asarray(sum(_of_one(d) for d in differences))
 
 

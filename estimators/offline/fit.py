@@ -109,7 +109,7 @@ def crosscovariance(residuals: Sequence[Array], others: Sequence[Array], lags: i
     """Mean of v(i) w(i + k), and of w(i) v(i + k), likewise, (2, lags + 1).
 
     Args:
-        residuals, others: v and w, windows of the same shapes (n_m,).
+        residuals, others: v and w in their SI units, windows of the same shapes (n_m,).
         lags: largest k.
     """
     sums = np.zeros((2, lags + 1))

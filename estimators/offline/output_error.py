@@ -132,10 +132,10 @@ def response(part: Manoeuvre, derivatives: Array) -> Mapping[str, tuple[Array, A
 
     Args:
         part: on stamps of one step, or brought to them.
-        derivatives: referred aerodynamic ones, (k,).
+        derivatives: referred aerodynamic ones, concise, (k,).
 
     Returns:
-        by channel (the states that were measured, ``a_z`` and so on) readings and model, (n,) each; the model is NaN
+        by channel (the states that were measured, ``a_z`` and so on) readings and model, SI units, (n,); the model is NaN
         where it runs away, or a derivative is not known.
     """
     known = bool(np.isfinite(derivatives).all())

@@ -124,7 +124,7 @@ class Model:
         )  # fmt: skip
 
     def noise(self, p: Array) -> Array:
-        """Variance of each channel above its floor, (channels,); in still air it follows from the innovations."""
+        """Variance of each channel above its floor, of SI units, (channels,); in still air that of the innovations."""
         return (
             np.exp(np.clip(p[self.layout.log_noise], -60.0, 30.0))
             if self.air
@@ -170,7 +170,7 @@ class Model:
         )  # fmt: skip
 
     def record(self, window: Window, own: Array) -> Record:
-        """What the filter of a window reads, with its own constants (``Window.own``)."""
+        """What the filter of a window reads, with its own constants (own,) in the units of ``Window``."""
         plant = self.plant
         pushes, constants, initial = window.split(own)
         trim = window.trims @ pushes

@@ -89,8 +89,8 @@ class Window:
         return int(states * (self.trims.shape[1] + 1) + self.constants.size)
 
     def split(self, own: Array) -> tuple[Array, Array, Array]:
-        """Own constants (own,) as strengths of the trims (trims, states), constants of all channels (channels,), and
-        the state at the first sample (states,)."""
+        """Own constants (own,), SI units, as strengths of the trims (trims, states), constants of all channels
+        (channels,), and the state at the first sample (states,)."""
         ns, (columns, channels) = self.known.shape[0], (self.trims.shape[1], self.readings.shape[1])
         constants = np.zeros(channels)
         constants[self.constants] = own[columns * ns : own.size - ns]
@@ -106,7 +106,7 @@ def window(
         part: with evenly spaced stamps or not; where a sample is missing its readings are left out, and other uneven
             stamps are interpolated on a line (``Manoeuvre.even``).
         forces: equations whose accelerometer is read.
-        input_noise: variance of each measured input, (inputs,); 0 for commands.
+        input_noise: variance of each measured input, rad2, (inputs,); 0 for commands.
         deviations: whether x is the deviation from the means, or the motion itself. Of deviations surfaces at rest are
             taken to be at their mean.
         drift: whether trim forces may move on a line.

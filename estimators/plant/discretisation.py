@@ -68,7 +68,7 @@ def discretise(a, b, w, h):  # type: ignore[no-untyped-def]
 
 @compiled()
 def discretise_levels(a, b, w, h):  # type: ignore[no-untyped-def]
-    """``discretise`` of several A, (levels, n, n), whose inputs drive the first states alone, b (driven, m).
+    """``discretise`` of several A, (levels, n, n), whose inputs drive the first states alone, b (driven, m); h in s.
 
     Returns:
         F (levels, n, n), G_0 and G_1 (levels, driven, m), Q (levels, n, n).

@@ -128,17 +128,17 @@ class Plant:
         return self.states - 1 + int(self.rolling_air)
 
     def has_lag(self, airspeed_m_s: float, dt: float) -> bool:
-        """Whether the vane meets the gust earlier than the aircraft."""
+        """Whether the vane meets the gust earlier than the aircraft, at airspeed in m/s and a step ``dt`` in s."""
         return self.vane_ahead_m / airspeed_m_s > _LEAST_LAG * dt
 
     def size(self, air: bool, airspeed_m_s: float, dt: float) -> int:
-        """States in all; ``air``: whether it moves."""
+        """States in all; ``air``: whether it moves; airspeed in m/s, step ``dt`` in s."""
         if not air:
             return self.states
         return 2 * self.states + 3 + 2 * self.has_lag(airspeed_m_s, dt) + self.disturbances
 
     def linear(self, derivatives: Array, air: Air | None, at: Flown) -> Linear:
-        """The model at referred derivatives, (equations, states + inputs)."""
+        """The model at referred derivatives, concise, (equations, states + inputs)."""
         ns = self.states
         force = at.stability * derivatives[:, :ns]
         n = self.size(air is not None, at.airspeed_m_s, at.dt)

@@ -67,7 +67,7 @@ BREACHES = (
     ),
     (
         "estimators/ekf",
-        "import wingwatch.estimators.offline.filter_model",
+        "import wingwatch.estimators.offline.window",
         "one estimator does not import another",
     ),
     (
