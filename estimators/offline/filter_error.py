@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.estimators.estimate import Estimate, Outcome
-from wingwatch.estimators.offline.fit import ChannelFit, Fit, channel_fit
+from wingwatch.estimators.offline.fit import Fit
 from wingwatch.estimators.offline.guards import guarded
-from wingwatch.estimators.offline.likelihood import Prior, Problem
+from wingwatch.estimators.offline.likelihood import Prior, Problem, channel_fits
 from wingwatch.estimators.offline.manoeuvre import Manoeuvre
 from wingwatch.estimators.offline.parameters import Model
 from wingwatch.estimators.offline.regression import (
@@ -113,7 +113,7 @@ def _report(parts: Sequence[Manoeuvre], problem: Problem, solution: Solution) ->
     # what is known beforehand stays known, whatever the data
     most = np.sqrt(np.maximum(problem.prior.std[:k] ** 2 / np.diagonal(solution.covariance)[:k], 1.0))
     factors = np.minimum(guards.factors, most)
-    channels = _channels(problem, solution)
+    channels, _ = channel_fits(problem, solution.point, np.zeros(problem.model.plant.channels))
     used = int(sum(np.count_nonzero(w.used) for w in problem.windows))
     unknowns = int(np.count_nonzero(problem.free)) + sum(own.size for own in solution.point.own)
     noise = np.sqrt(problem.model.noise(p) + np.mean([w.floor for w in problem.windows], axis=0))
@@ -134,24 +134,9 @@ def _report(parts: Sequence[Manoeuvre], problem: Problem, solution: Solution) ->
     if guards.driven > _CONTRADICTED:
         return _unsettled(estimate, "what the surfaces did contradicts what rough air and the rest say"), fit
     if solution.gusts and problem.model.plant.rolling_air:
-        first = len(at.structure.regressors)
+        first = len(problem.model.plant.structure.regressors)
         return _unsettled(estimate, "moments of rolling air are not modelled well enough", first), fit
     return estimate, fit
-
-
-def _channels(problem: Problem, solution: Solution) -> tuple[ChannelFit, ...]:
-    """Statistics of one-step predictions of every channel that was read."""
-    fits = []
-    for c, name in enumerate(problem.model.plant.channel_names):
-        measured, predicted = [], []
-        for data, trace in zip(problem.windows, solution.point.traces, strict=True):
-            there = data.used[:, c]
-            if there.any():
-                measured.append(data.readings[there, c])
-                predicted.append(data.readings[there, c] - trace.innovations[there, c])
-        if measured:
-            fits.append(channel_fit(name, measured, predicted))
-    return tuple(fits)
 
 
 def problem_of(
@@ -179,7 +164,7 @@ def problem_of(
     airspeed = float(np.mean([w.airspeed_m_s for w in windows]))
     plant = Plant(s, forces, shared.lever_m, config.vane_ahead_m, 4.0 * config.span_m / (math.pi * airspeed))
     model = Model(plant, True, size, _FASTEST_GROWTH)
-    free = np.ones(model.layout.size, dtype=np.bool_)
+    free = np.ones(model.parameters, dtype=np.bool_)
     return Problem(windows, model, _prior(model, windows, mean, config), free)
 
 
@@ -201,7 +186,7 @@ def _input_noise(parts: Sequence[Manoeuvre], config: FilterErrorConfig) -> Array
 
 
 def _prior(model: Model, windows: Sequence[Window], mean: Array, config: FilterErrorConfig) -> Prior:
-    at, size = model.layout, model.layout.size
+    at, size = model.layout, model.parameters
     ns = model.plant.states
     airspeed = float(np.mean([w.airspeed_m_s for w in windows]))
     centre, std, step = np.zeros(size), np.ones(size), np.full(size, 1e-3)
@@ -211,11 +196,9 @@ def _prior(model: Model, windows: Sequence[Window], mean: Array, config: FilterE
     centre[at.log_noise], std[at.log_noise] = np.log(_roughness(windows)), 3.0
     centre[at.gust], std[at.gust] = math.log(0.02 * airspeed), _INTENSITY
     centre[at.gust_rate_gain], step[at.gust_rate_gain] = 1.0, 1e-4
-    shape = 4.0 if at.structure.states[0] == "w" else 3.0
-    centre[at.log_span_time] = math.log(shape * config.span_m / (math.pi * airspeed))
-    std[at.log_span_time] = 0.7
-    centre[at.log_span_time + 1] = math.log(_GUST_SCALE_M / airspeed)
-    centre[at.log_span_time + 2] = math.log(0.5)
+    shape = 4.0 if model.plant.structure.states[0] == "w" else 3.0
+    times = shape * config.span_m / (math.pi * airspeed), _GUST_SCALE_M / airspeed, 0.5
+    centre[at.log_times], std[at.log_times.start] = np.log(times), 0.7
     centre[at.disturbance] = np.log(_disturbances(model, 0.02 * airspeed, config))
     std[at.disturbance] = _INTENSITY
     return Prior(centre, std, centre.copy(), step)

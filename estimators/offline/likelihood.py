@@ -21,6 +21,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from wingwatch.estimators.offline.fit import ChannelFit, channel_fit
 from wingwatch.estimators.offline.innovations import (
     Record,
     System,
@@ -38,6 +39,7 @@ __all__ = [
     "Prior",
     "Problem",
     "Sensitivities",
+    "channel_fits",
     "evaluate",
     "information_inverse",
     "open_loop",
@@ -367,3 +369,23 @@ def sensitivities(problem: Problem, point: Evaluation, m: int) -> Sensitivities:
     predicted[np.sum(predicted**2, axis=1) <= _FLAT * whole] = 0.0  # own constants explain all but rounding
     innovation = (trace.innovations * root).ravel()
     return Sensitivities(predicted, variance, innovation, window, noises, slopes, model.layout.theta.stop)
+
+
+def channel_fits(
+    problem: Problem, point: Evaluation, taken: Array
+) -> tuple[tuple[ChannelFit, ...], list[list[Array]]]:
+    """Statistics of one-step predictions of every channel that was read, and its innovations by window, SI units.
+
+    ``taken``: degrees of freedom that the parameters take from each channel, (channels,).
+    """
+    channels, windows = [], []
+    for c, name in enumerate(problem.model.plant.channel_names):
+        both = zip(problem.windows, point.traces, strict=True)
+        read = [(w.readings[w.used[:, c], c], t.innovations[w.used[:, c], c]) for w, t in both]
+        read = [(z, e) for z, e in read if z.size]
+        if read:
+            channels.append(
+                channel_fit(name, [z for z, _ in read], [z - e for z, e in read], float(taken[c]))
+            )
+            windows.append([e for _, e in read])
+    return tuple(channels), windows

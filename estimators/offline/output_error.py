@@ -21,9 +21,7 @@ from numpy.typing import NDArray
 
 from wingwatch.estimators.estimate import Estimate
 from wingwatch.estimators.offline.fit import (
-    ChannelFit,
     Fit,
-    channel_fit,
     coloured_covariance,
     is_white,
     no_less_than,
@@ -32,6 +30,7 @@ from wingwatch.estimators.offline.likelihood import (
     Evaluation,
     Prior,
     Problem,
+    channel_fits,
     evaluate,
     information_inverse,
 )
@@ -135,8 +134,8 @@ def response(part: Manoeuvre, derivatives: Array) -> Mapping[str, tuple[Array, A
         derivatives: referred aerodynamic ones, concise, (k,).
 
     Returns:
-        by channel (the states that were measured, ``a_z`` and so on) readings and model, SI units, (n,); the model is NaN
-        where it runs away, or a derivative is not known.
+        by channel (the states that were measured, ``a_z`` and so on) readings and model, SI units, (n,) each; the model
+        is NaN where it runs away, or a derivative is not known.
     """
     known = bool(np.isfinite(derivatives).all())
     _, problem = _problems([part], np.where(np.isfinite(derivatives), derivatives, 0.0), False)
@@ -242,7 +241,7 @@ def _report(
     alone = growth * np.maximum(1.0 - by_inputs, 0.0)
     middle = sum(np.einsum("ncp,c,ncq->pq", s, alone, s, optimize=True) for s in found.slopes)
     middle += sum(s.surface_noise_scatter() for s in slope.windows)
-    channels, windows = _channels(problem, solution.point, taken)
+    channels, windows = channel_fits(problem, solution.point, taken)
     chosen = settings.covariance == "coloured" or (settings.covariance == "auto" and not is_white(windows))
     sensors = dict(
         zip(noise_names(parts[0].config), sensor_noise(parts, common_forces(parts)).tolist(), strict=True)
@@ -283,22 +282,3 @@ def _may_be_off_by(found: _Residuals, unexplained: Sequence[tuple[int, float]]) 
         power = share * sum(float(np.sum(e[:, c] ** 2)) for e in found.left)
         total += power * sum(s[:, c].T @ s[:, c] for s in found.slopes)
     return total
-
-
-def _channels(
-    problem: Problem, point: Evaluation, taken: Array
-) -> tuple[tuple[ChannelFit, ...], list[list[Array]]]:
-    """Statistics of every channel that was used, and its residuals by window."""
-    channels, windows = [], []
-    for c, name in enumerate(problem.model.plant.channel_names):
-        read = [
-            (w.readings[w.used[:, c], c], t.innovations[w.used[:, c], c])
-            for w, t in zip(problem.windows, point.traces, strict=True)
-        ]
-        read = [(z, e) for z, e in read if z.size]
-        if read:
-            channels.append(
-                channel_fit(name, [z for z, _ in read], [z - e for z, e in read], float(taken[c]))
-            )
-            windows.append([e for _, e in read])
-    return tuple(channels), windows

@@ -5,11 +5,12 @@ air everything else is there so that the derivatives' error is honest (docs/meth
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.aircraft.structures import ModeStructure
 from wingwatch.estimators.offline.innovations import Record, System
 from wingwatch.estimators.offline.window import Window, following
 from wingwatch.estimators.plant.discretisation import discretise_levels, stationary_covariance
@@ -20,69 +21,31 @@ __all__ = ["Layout", "Model"]
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class Layout:
-    """Where each parameter stands.
+class Layout(NamedTuple):
+    """Where each parameter stands; in still air ``theta`` is all there is.
 
     Attributes:
-        structure: which mode.
-        channels: how many readings a sample has.
-        disturbances: unmeasured moments, and rolling air.
-        air: whether the air moves; if not, derivatives are all there is.
+        theta: derivatives, in natural sizes, equation by equation.
+        log_noise: ln of each channel's noise variance above its floor.
+        gust: ln of the gust's intensity, m/s; gust_rate_gain: how much of the turning air each equation meets.
+        log_times: ln of the time constants of the span filter, the gust (scale length over airspeed) and unmeasured
+            moments, s.
+        disturbance: ln of the intensities of unmeasured moments, rad/s2, and of rolling air, rad/s.
+        copy: of the stability derivatives, for what nobody measured, in natural sizes, equation by equation.
     """
 
-    structure: ModeStructure
-    channels: int
-    disturbances: int
-    air: bool
+    theta: slice
+    log_noise: slice
+    gust: slice
+    gust_rate_gain: slice
+    log_times: slice
+    disturbance: slice
+    copy: slice
 
     @property
-    def theta(self) -> slice:
-        """Derivatives, in natural sizes."""
-        return slice(0, len(self.structure.derivatives))
-
-    @property
-    def log_noise(self) -> slice:
-        """ln of each channel's noise variance above its floor."""
-        return slice(self.theta.stop, self.theta.stop + self.channels)
-
-    @property
-    def gust(self) -> int:
-        """ln of the gust's intensity, m/s."""
-        return int(self.log_noise.stop)
-
-    @property
-    def gust_rate_gain(self) -> slice:
-        """k of each equation: how much of the turning air it meets."""
-        return slice(self.gust + 1, self.gust + 1 + len(self.structure.equations))
-
-    @property
-    def log_span_time(self) -> int:
-        """ln of the time constant of the span filter, s; those of the gust (its scale length over airspeed) and of
-        unmeasured moments follow."""
-        return int(self.gust_rate_gain.stop)
-
-    @property
-    def disturbance(self) -> slice:
-        """ln of the intensities of unmeasured moments, rad/s2, and of rolling air, rad/s."""
-        return slice(self.log_span_time + 3, self.log_span_time + 3 + self.disturbances)
-
-    @property
-    def all_air(self) -> list[int]:
-        """All that describes gusts."""
-        gains = range(self.gust_rate_gain.start, self.gust_rate_gain.stop)
-        return [self.gust, *gains, self.log_span_time, self.log_span_time + 1]
-
-    @property
-    def copy(self) -> slice:
-        """The copy of the stability derivatives for what nobody measured, in natural sizes, equation by equation."""
-        s = self.structure
-        return slice(self.disturbance.stop, self.disturbance.stop + len(s.equations) * len(s.states))
-
-    @property
-    def size(self) -> int:
-        """How many parameters there are."""
-        return int(self.copy.stop) if self.air else self.theta.stop
+    def gusts(self) -> NDArray[np.int64]:
+        """All parameters that describe gusts."""
+        return np.arange(self.gust.start, self.log_times.start + 2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,8 +67,15 @@ class Model:
     @property
     def layout(self) -> Layout:
         """Of the parameters."""
-        plant = self.plant
-        return Layout(plant.structure, plant.channels, plant.disturbances, self.air)
+        ns, plant = self.plant.states, self.plant
+        air = (plant.channels, 1, ns, 3, plant.disturbances, ns * ns) if self.air else (0,) * 6
+        stops = np.cumsum([self.natural.size, *air]).tolist()
+        return Layout(*(slice(start, stop) for start, stop in pairwise([0, *stops])))
+
+    @property
+    def parameters(self) -> int:
+        """How many there are."""
+        return int(self.layout.copy.stop)
 
     def derivatives(self, p: Array) -> Array:
         """Referred, (equations, states + inputs), of parameters p (size,)."""
@@ -117,10 +87,10 @@ class Model:
             return None
         at, ns = self.layout, self.plant.states
         sizes = self.natural.reshape(ns, -1)[:, :ns]
-        span, gust, moment = np.exp(np.clip(p[at.log_span_time : at.log_span_time + 3], -6.0, 6.0)).tolist()
+        span, gust, moment = np.exp(np.clip(p[at.log_times], -6.0, 6.0)).tolist()
         return Air(
-            p[at.copy].reshape(ns, ns) * sizes, float(np.exp(p[at.gust])), p[at.gust_rate_gain], span, gust, moment,
-            np.exp(p[at.disturbance]),
+            p[at.copy].reshape(ns, ns) * sizes, float(np.exp(p[at.gust.start])), p[at.gust_rate_gain], span, gust,
+            moment, np.exp(p[at.disturbance]),
         )  # fmt: skip
 
     def noise(self, p: Array) -> Array:

@@ -117,7 +117,7 @@ def _restricted(problem: Problem, gusts: bool) -> Problem:
     if gusts:
         return problem
     free = problem.free.copy()
-    free[problem.model.layout.all_air] = False
+    free[problem.model.layout.gusts] = False
     return replace(problem, free=free)
 
 
@@ -133,14 +133,14 @@ def _lifted(problem: Problem, p: Array) -> Array:
     at, start = problem.model.layout, problem.prior.start
     lifted = p.copy()
     lifted[at.log_noise] = start[at.log_noise]
-    for i in (at.gust, *range(at.disturbance.start, at.disturbance.stop)):
+    for i in (at.gust.start, *range(at.disturbance.start, at.disturbance.stop)):
         lifted[i] = max(p[i], start[i] - 1.0)
     return lifted
 
 
 def _is_weak(problem: Problem, found: Solution) -> bool:
     """Whether gusts are so weak that none at all may do as well."""
-    gust = problem.model.layout.gust
+    gust = problem.model.layout.gust.start
     return bool(found.point.parameters[gust] < problem.prior.start[gust] - 1.0)
 
 
@@ -187,7 +187,7 @@ def climb(problem: Problem, start: Array, search: Search | None = None) -> Solut
     inverse, prior = _inverse(problem, slope), np.diag(problem.prior.std**-2)
     spread = slope.information + sum(s.surface_noise_scatter() for s in slope.windows)
     covariance = inverse @ (spread + prior) @ inverse
-    gusts = problem.model.air and bool(problem.free[problem.model.layout.gust])
+    gusts = problem.model.air and bool(problem.free[problem.model.layout.gust].all())
     return Solution(point, slope, inverse, covariance, n, _at_rest(problem, slope, search), gusts)
 
 
