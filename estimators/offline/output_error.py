@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from wingwatch.estimators.estimate import Estimate
@@ -64,6 +65,9 @@ _CORRECTIONS = 8
 
 _COARSE = 0.3
 """Share of their errors within which parameters are first brought, where the steps towards that gradient follow."""
+
+_CHANCE = 1e-3
+"""That noise alone gains as much likelihood by all unknowns: below that nothing has moved."""
 
 _STEP = 1e-5
 """Of a derivative's natural size, by which it is moved for its sensitivity."""
@@ -259,14 +263,27 @@ def _report(
     white, coloured = (unit * (inverse @ m @ inverse) for m in (middle, coloured))
     coloured = no_less_than(white, coloured)
     value = solution.point.parameters * problem.model.natural
-    referred = ReferredEstimate(value, white, coloured, chosen, corrected.hidden)
     unknowns = k + sum(w.own for w in problem.windows)
+    still = _gain(problem, solution.point) < scipy.stats.chi2.ppf(1.0 - _CHANCE, unknowns)
+    referred = ReferredEstimate(value, white, coloured, chosen, corrected.hidden | still)
     settled = solution.converged or solution.iterations < settings.iterations
     solver = SolverReport(
         sum(map(len, parts)), unknowns, solution.iterations, settled, float(found.counts.sum() - unknowns)
     )
     noise = {c.name: c.residual_std for c in channels}
     return finished(NAME, parts, referred, channels, noise, solver, natural, doubts)
+
+
+def _gain(problem: Problem, point: Evaluation) -> float:
+    """Twice the log-likelihood that the model's motion gains over no motion at all, readings being constant."""
+    gain = 0.0
+    for c in range(problem.model.plant.channels):
+        read = [w.readings[w.used[:, c], c] for w in problem.windows]
+        left = [t.innovations[w.used[:, c], c] for w, t in zip(problem.windows, point.traces, strict=True)]
+        still = sum(float(np.sum((z - z.mean()) ** 2)) for z in read if z.size)
+        rest = max(sum(float(e @ e) for e in left), float(np.finfo(float).tiny))
+        gain += sum(z.size for z in read) * math.log(still / rest) if still > 0.0 else 0.0
+    return gain
 
 
 def _may_be_off_by(found: _Residuals, unexplained: Sequence[tuple[int, float]]) -> Array:

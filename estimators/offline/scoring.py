@@ -221,7 +221,9 @@ def slope_at(problem: Problem, point: Evaluation) -> Slope:
         score = score + s.score().sum(axis=1) + s.surface_noise_score
         information += s.information()
         surface_noise += s.surface_noise_information
-    signal = _signal_information(information, surface_noise, np.diag(prior.std**-2))
+    signal = information
+    if problem.model.air:
+        signal = _signal_information(information, surface_noise, np.diag(prior.std**-2))
     return Slope(score, information, surface_noise, signal, windows)
 
 
