@@ -5,9 +5,9 @@ accelerometer): filter error's likelihood without process noise. Unknown are the
 and of each manoeuvre its trim forces, initial state and accelerometer bias; the noise variances are those of the
 residuals (5.17).
 
-Noise of measured inputs drives the model as well. What it is expected to add to the gradient is taken out of it; what
-it adds to the gradient's variance is in the covariance for white noise, and what it makes of the residuals in the one
-for coloured residuals of all channels together.
+Noise of measured inputs drives the model as well. What it is expected to add to the gradient is taken out of it. What
+it makes of the residuals is in the covariance for coloured residuals of all channels together, which is no smaller than
+what sensors and inputs are expected to make of the gradient.
 There is no other process noise: in turbulence use the equation error (force by accelerometer) or filter error.
 """
 
@@ -243,8 +243,10 @@ def _report(
         if s.surface_noises.size
     ) / np.maximum(found.counts, 1)
     alone = growth * np.maximum(1.0 - by_inputs, 0.0)
-    middle = sum(np.einsum("ncp,c,ncq->pq", s, alone, s, optimize=True) for s in found.slopes)
-    middle += sum(s.surface_noise_scatter() for s in slope.windows)
+    exact, noisy = (
+        sum(np.einsum("ncp,c,ncq->pq", s, g, s, optimize=True) for s in found.slopes) for g in (growth, alone)
+    )
+    noisy += sum(s.surface_noise_scatter() for s in slope.windows)
     channels, windows = channel_fits(problem, solution.point, taken)
     chosen = settings.covariance == "coloured" or (settings.covariance == "auto" and not is_white(windows))
     sensors = dict(
@@ -260,8 +262,8 @@ def _report(
     coloured = coloured_covariance(found.slopes, found.left, growth / np.maximum(found.counts, 1))
     coloured += _may_be_off_by(found, unexplained)
     unit = np.outer(problem.model.natural, problem.model.natural)
-    white, coloured = (unit * (inverse @ m @ inverse) for m in (middle, coloured))
-    coloured = no_less_than(white, coloured)
+    white, least, coloured = (unit * (inverse @ m @ inverse) for m in (exact, noisy, coloured))
+    coloured = no_less_than(least, coloured)
     value = solution.point.parameters * problem.model.natural
     unknowns = k + sum(w.own for w in problem.windows)
     still = _gain(problem, solution.point) < scipy.stats.chi2.ppf(1.0 - _CHANCE, unknowns)
