@@ -117,7 +117,8 @@ def output_error(
     """
     settings = config or OutputErrorConfig()
     first = plain_start(parts) if start is None else np.asarray(start, dtype=np.float64)
-    problem, quiet = _problems(parts, first, settings.drift)
+    sensors = sensor_noise(parts, common_forces(parts))
+    problem, quiet = _problems(parts, first, sensors, settings.drift)
     noisy = any(w.input_noise.any() for w in problem.windows)
     tolerance = max(settings.tolerance, _COARSE) if noisy else settings.tolerance
     search = Search(settings.iterations, math.inf, tolerance, settings.method == "levenberg-marquardt")
@@ -127,7 +128,7 @@ def output_error(
     point, slope = solution.point, solution.slope
     if noisy:
         point, slope = _without_input_noise(problem, point, settings.tolerance)
-    return _report(parts, problem, replace(solution, point=point, slope=slope), settings, natural)
+    return _report(parts, problem, replace(solution, point=point, slope=slope), settings, natural, sensors)
 
 
 def response(part: Manoeuvre, derivatives: Array) -> Mapping[str, tuple[Array, Array]]:
@@ -142,7 +143,8 @@ def response(part: Manoeuvre, derivatives: Array) -> Mapping[str, tuple[Array, A
         is NaN where it runs away, or a derivative is not known.
     """
     known = bool(np.isfinite(derivatives).all())
-    _, problem = _problems([part], np.where(np.isfinite(derivatives), derivatives, 0.0), False)
+    sensors = np.zeros(len(noise_names(part.config)))
+    _, problem = _problems([part], np.where(np.isfinite(derivatives), derivatives, 0.0), sensors, False)
     point = evaluate(problem, problem.prior.start) if known else None
     (data,) = problem.windows
     left = np.full_like(data.readings, np.nan) if point is None else point.traces[0].innovations
@@ -154,12 +156,15 @@ def response(part: Manoeuvre, derivatives: Array) -> Mapping[str, tuple[Array, A
     }
 
 
-def _problems(parts: Sequence[Manoeuvre], first: Array, drift: bool) -> tuple[Problem, Problem]:
-    """The problem with noise of the inputs and without it; parameters start at ``first``, (k,)."""
+def _problems(
+    parts: Sequence[Manoeuvre], first: Array, sensors: Array, drift: bool
+) -> tuple[Problem, Problem]:
+    """The problem with noise of the inputs (the last of ``sensor_noise``) and without it; parameters start at
+    ``first``, (k,)."""
     shared = shared_config(parts)
     forces = np.flatnonzero(common_forces(parts))
     plant = Plant(shared.structure, forces, shared.lever_m)
-    noise = sensor_noise(parts, common_forces(parts))[-len(shared.structure.inputs) :]
+    noise = sensors[-len(shared.structure.inputs) :]
     windows = [window(p, forces, noise, deviations=False, drift=drift) for p in parts]
     natural = _natural(parts, first)
     model = Model(plant, False, natural, math.inf)
@@ -231,6 +236,7 @@ def _report(
     solution: Solution,
     settings: OutputErrorConfig,
     natural: Array | None,
+    sensors: Array,
 ) -> tuple[Estimate, Fit]:
     found, slope, k = _residuals(problem, solution), solution.slope, problem.free.size
     corrected = corrected_step(slope.information, slope.surface_noise, np.zeros(k), signal_share(1, math.inf))
@@ -248,13 +254,11 @@ def _report(
     noisy += sum(s.surface_noise_scatter() for s in slope.windows)
     channels, windows = channel_fits(problem, solution.point, taken)
     chosen = settings.covariance == "coloured" or (settings.covariance == "auto" and not is_white(windows))
-    sensors = dict(
-        zip(noise_names(parts[0].config), sensor_noise(parts, common_forces(parts)).tolist(), strict=True)
-    )
-    doubts = [left_over(c, sensors[c.name], slice(None)) for c in channels]
+    due = dict(zip(noise_names(parts[0].config), sensors.tolist(), strict=True))
+    doubts = [left_over(c, due[c.name], slice(None)) for c in channels]
     names = problem.model.plant.channel_names
     unexplained = [
-        (names.index(c.name), 1.0 - sensors[c.name] / c.residual_std**2)
+        (names.index(c.name), 1.0 - due[c.name] / c.residual_std**2)
         for c, doubt in zip(channels, doubts, strict=True)
         if doubt is not None
     ]
