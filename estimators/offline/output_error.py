@@ -90,7 +90,7 @@ class OutputErrorConfig:
     drift: bool = False
     covariance: Literal["auto", "white", "coloured"] = "auto"
     iterations: int = 60
-    tolerance: float = 1e-3
+    tolerance: float = 1e-4
 
 
 def output_error(
