@@ -11,7 +11,7 @@ from rich.table import Table
 
 from wingwatch.aircraft import MODEL_STRUCTURES, Aircraft, ModeStructure
 from wingwatch.diagnosis.predicted_motion import Derivatives, PredictedManoeuvre, predicted_motion
-from wingwatch.estimators.batch.fit import ChannelFit, channel_fit
+from wingwatch.estimators.offline.fit import ChannelFit, channel_fit
 from wingwatch.telemetry import Cleaner, FlightTable
 
 __all__ = ["Fitted", "Validation", "as_json", "fitted_of", "show_validation", "validated"]

@@ -15,15 +15,9 @@ from wingwatch.aircraft import SURFACE_OF_INPUT, Aircraft, AircraftDataError, Mo
 from wingwatch.diagnosis.offline_estimates import flight_form
 from wingwatch.diagnosis.tracking import Track, untracked
 from wingwatch.estimators import Form, Manoeuvre, flight_manoeuvres, missing_channels, offsets, referred_scale
-from wingwatch.estimators.batch.fit import channel_fit
-from wingwatch.estimators.batch.output_error_problem import (
-    Problem,
-    channel_names,
-    evaluate,
-    problem_of,
-    start_at,
-)
-from wingwatch.estimators.batch.regression import common_forces, sensor_noise
+from wingwatch.estimators.offline.fit import channel_fit
+from wingwatch.estimators.offline.output_error import response
+from wingwatch.estimators.offline.regression import common_forces, noise_names, sensor_noise
 from wingwatch.monitor.estimation.chain import nominal_condition
 from wingwatch.telemetry import INPUT_CHANNELS, FlightTable, SampleBlock
 
@@ -169,26 +163,21 @@ def _with_resting_surfaces(clean: SampleBlock, structure: ModeStructure) -> Samp
 
 
 def _predicted(part: Manoeuvre, derivatives: Derivatives, moved_rad: float) -> PredictedManoeuvre:
-    problem = problem_of([part], False)
-    readings = np.where(problem.used[0], problem.readings[0], np.nan)
     estimated, expected = (
-        _flown(problem, _referred(part, value, derivatives.condition))
+        response(part, _referred(part, value, derivatives.condition))
         for value in (derivatives.value, derivatives.expected)
     )
-    noise = sensor_noise([part], common_forces([part]))
-    ns = len(part.config.structure.states)
-    noise = np.concatenate([noise[:ns], noise[ns:][problem.forces]])
+    noise = dict(
+        zip(noise_names(part.config), sensor_noise([part], common_forces([part])).tolist(), strict=True)
+    )
     channels = []
-    for c, name in enumerate(channel_names(problem)):
-        if not problem.used[0][:, c].all():
-            continue  # a reconstructed velocity is no measurement
-        measured = readings[:, c]
-        r_squared, tic = _fit(name, measured, estimated[:, c])
+    for name, (measured, predicted) in estimated.items():
+        r_squared, tic = _fit(name, measured, predicted)
+        beside = expected[name][1]
         channels.append(
             MotionChannel(
-                name, measured, estimated[:, c], expected[:, c], r_squared,
-                _fit(name, measured, expected[:, c])[0], tic,
-                _over(measured - estimated[:, c], float(noise[c])),
+                name, measured, predicted, beside, r_squared, _fit(name, measured, beside)[0], tic,
+                _over(measured - predicted, noise[name]),
             )
         )  # fmt: skip
     return PredictedManoeuvre(
@@ -202,29 +191,6 @@ def _referred(part: Manoeuvre, value: Array, condition: tuple[float, float, floa
     airspeed, _, density, alpha = condition
     own = value - offsets(structure, airspeed, alpha)
     return np.asarray(own / referred_scale(structure, airspeed, density, part.config.reference))
-
-
-@np.errstate(all="ignore")  # a model that runs away is shown as it is
-def _flown(problem: Problem, theta: Array) -> Array:
-    """Outputs of the model with the start and trims that follow the readings best, (n, channels)."""
-    if not np.isfinite(theta).all():
-        return np.full(problem.readings[0].shape, np.nan)
-    point = evaluate(problem, start_at(problem, theta))
-    for _ in range(2):  # the first pass knows no noise, the second weighs channels by what the first has left
-        if not np.isfinite(point.cost):
-            break
-        weight = point.noise**-0.5
-        slopes = (point.sensitivities[0][:, :, problem.common :] * weight[None, :, None]).reshape(
-            -1, problem.own
-        )
-        left = (point.residuals[0] * weight).reshape(-1)
-        if not np.isfinite(slopes).all():
-            break
-        step = np.linalg.lstsq(slopes, left, rcond=1e-12)[0]
-        parameters = point.parameters.copy()
-        parameters[problem.place(0)] += step
-        point = evaluate(problem, parameters)
-    return point.outputs[0]
 
 
 def _over(left: Array, noise_variance: float) -> float:

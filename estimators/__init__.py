@@ -20,9 +20,17 @@ Example:
     'converged'
 """
 
-from wingwatch.estimators.batch.equation_error import EquationErrorConfig, equation_error
-from wingwatch.estimators.batch.fit import ChannelFit, Fit, channel_fit, correlated_pairs
-from wingwatch.estimators.batch.flight_manoeuvres import (
+from wingwatch.estimators.confounding import confounding_text
+from wingwatch.estimators.ekf.estimator import EkfConfig, EkfEstimator, EkfState
+from wingwatch.estimators.ekf.state import arrays_of, one_vehicle
+from wingwatch.estimators.estimate import BlockEvidence, Estimate, Outcome
+from wingwatch.estimators.fourier.estimator import FourierConfig, FourierEstimator, FourierState
+from wingwatch.estimators.inertia_coupling import InertiaCoupling, inertia_coupling
+from wingwatch.estimators.lanes import Lanes, padded
+from wingwatch.estimators.offline.equation_error import EquationErrorConfig, equation_error
+from wingwatch.estimators.offline.filter_error import FilterErrorConfig, filter_error
+from wingwatch.estimators.offline.fit import ChannelFit, Fit, channel_fit, correlated_pairs
+from wingwatch.estimators.offline.flight_manoeuvres import (
     FORMS,
     FlightForm,
     Form,
@@ -31,20 +39,12 @@ from wingwatch.estimators.batch.flight_manoeuvres import (
     missing_channels,
     solved_as,
 )
-from wingwatch.estimators.batch.frequency_equation_error import (
+from wingwatch.estimators.offline.frequency_equation_error import (
     FrequencyEquationErrorConfig,
     frequency_equation_error,
 )
-from wingwatch.estimators.batch.manoeuvre import Manoeuvre, ManoeuvreConfig, manoeuvres
-from wingwatch.estimators.batch.output_error import OutputErrorConfig, output_error
-from wingwatch.estimators.confounding import confounding_text
-from wingwatch.estimators.ekf.estimator import EkfConfig, EkfEstimator, EkfState
-from wingwatch.estimators.ekf.state import arrays_of, one_vehicle
-from wingwatch.estimators.estimate import BlockEvidence, Estimate, Outcome
-from wingwatch.estimators.filter_error import FilterErrorConfig, filter_error
-from wingwatch.estimators.fourier.estimator import FourierConfig, FourierEstimator, FourierState
-from wingwatch.estimators.inertia_coupling import InertiaCoupling, inertia_coupling
-from wingwatch.estimators.lanes import Lanes, padded
+from wingwatch.estimators.offline.manoeuvre import Manoeuvre, ManoeuvreConfig, manoeuvres
+from wingwatch.estimators.offline.output_error import OutputErrorConfig, output_error
 from wingwatch.estimators.reference import offsets, referred_scale
 from wingwatch.estimators.signals import SignalConfig, SignalLayout, Signals, SignalState, meets_at_centre
 from wingwatch.estimators.standing import Validities, Validity

@@ -8,11 +8,11 @@ holds. What the model leaves out comes back with every manoeuvre: stated errors 
 import numpy as np
 
 from wingwatch.estimators.ekf.state import Coherence, EkfState
-from wingwatch.estimators.kernels.dispersion import PRIOR_FREEDOM
+from wingwatch.estimators.evidence.dispersion import coherent_dispersion
 from wingwatch.kernels.decorators import helper, hot, whole
 
 __all__ = [
-    "coherent_dispersion",
+    "coherent_dispersions",
     "follow_coherence",
     "follow_coherence_inline",
     "forget_coherence",
@@ -80,7 +80,7 @@ def forget_motion(coherence, i):  # type: ignore[no-untyped-def]
 
 
 @helper
-def coherent_dispersion(coherence, i, out):  # type: ignore[no-untyped-def]
+def coherent_dispersions(coherence, i, out):  # type: ignore[no-untyped-def]
     """Into ``out`` (ns,) by equation: power of the sums over that which white innovations give them, at least one,
     (docs (15c))."""
     for k in range(out.size):
@@ -94,8 +94,7 @@ def coherent_dispersion(coherence, i, out):  # type: ignore[no-untyped-def]
                 squares += 2.0 * products[j, m] * products[j, m]
         out[k] = 1.0
         if squares > 0.0:
-            freedom = expected * expected / squares
-            out[k] = max((PRIOR_FREEDOM + freedom * found / expected) / (PRIOR_FREEDOM + freedom), 1.0)
+            out[k] = coherent_dispersion(found, expected, expected * expected / squares, 0.0)
 
 
 def no_coherence(vehicles: int, ns: int) -> Coherence:

@@ -16,39 +16,48 @@ __all__ = ["correct", "forget", "inverse_of", "leave_out", "of_derivatives", "pr
 def predict(model, cov, process, jacobian, drift, product):  # type: ignore[no-untyped-def]
     """F P F' + Q for the Jacobian's rows ``jacobian`` (nx, nz), identity below; the trim constants drift.
 
-    A gust state depends on itself alone.
+    A gust state depends on itself alone, so its row of F P is P's times its decay, and only the states' rows are sums.
+    P is symmetric: what a row of F makes of a column of P is taken along P's row.
 
-    ``process`` (nx, nx), ``drift`` (ns,); ``product`` (nx, nz) is workspace.
+    ``process`` (nx, nx), of which the lower triangle is read; ``drift`` (ns,); ``product`` (ns or more, nz) is
+    workspace.
     """
     ns, nx, nz = model.sizes.states, model.sizes.dynamic, model.sizes.augmented
-    for k in range(nx):
-        for c in range(nz):
-            product[k, c] = 0.0
-        for m in range(nz if k < ns else 0):
-            factor = jacobian[k, m]
-            if factor != 0.0:
-                for c in range(nz):
-                    product[k, c] += factor * cov[m, c]
-        if k >= ns:
-            for c in range(nz):
-                product[k, c] = jacobian[k, k] * cov[k, c]
-    for k in range(nx):
-        for m in range(k + 1):
-            total = 0.0
-            if m < ns:
-                for c in range(nz):
-                    total += product[k, c] * jacobian[m, c]
-            else:
-                total = product[k, m] * jacobian[m, m]
-            total += 0.5 * (process[k, m] + process[m, k])
-            cov[k, m] = total
-            cov[m, k] = total
+    for c in range(nz):
+        _states_with(cov[c], jacobian, c, ns, nz, product)
+    for k in range(ns, nx):
+        decay = jacobian[k, k]
+        for m in range(ns):
+            cov[k, m] = cov[m, k] = decay * product[m, k] + process[k, m]
+        for m in range(ns, k + 1):
+            cov[k, m] = cov[m, k] = decay * jacobian[m, m] * cov[k, m] + process[k, m]
         for c in range(nx, nz):
-            cov[k, c] = product[k, c]
-            cov[c, k] = product[k, c]
+            cov[k, c] *= decay
+            cov[c, k] = cov[k, c]
     for k in range(ns):
+        for m in range(k + 1):
+            total = process[k, m]
+            for c in range(nz):
+                total += product[k, c] * jacobian[m, c]
+            cov[k, m] = cov[m, k] = total
+        for c in range(nx, nz):
+            cov[k, c] = cov[c, k] = product[k, c]
         c = nz - ns + k
         cov[c, c] += drift[k]
+
+
+@hot
+def _states_with(row, jacobian, c, ns, nz, product):  # type: ignore[no-untyped-def]
+    """Column c of F P, the states' rows alone: of two or three of them at once, each number of P is read once."""
+    first = second = third = 0.0
+    for m in range(nz):
+        first += jacobian[0, m] * row[m]
+        second += jacobian[1, m] * row[m]
+        if ns == 3:
+            third += jacobian[2, m] * row[m]
+    product[0, c], product[1, c] = first, second
+    if ns == 3:
+        product[2, c] = third
 
 
 @hot
@@ -94,11 +103,13 @@ def correct(model, posterior, readings, gains):  # type: ignore[no-untyped-def]
         gains.inverse_std[j] = root
         for c in range(nz):
             z[c] += gain[j, c] * gains.innovation[j]
-    for j in range(0, ns + 1, 2):
-        for c in range(nz):
-            g, h = gain[j, c], gain[j + 1, c]
-            for d in range(nz):
-                cov[c, d] -= g * gain[j, d] + h * gain[j + 1, d]
+    for c in range(nz):
+        g, h, i, j = gain[0, c], gain[1, c], gain[2, c], gain[ns, c]
+        for d in range(nz):
+            if ns == 3:
+                cov[c, d] -= (g * gain[0, d] + h * gain[1, d]) + (i * gain[2, d] + j * gain[3, d])
+            else:
+                cov[c, d] -= g * gain[0, d] + h * gain[1, d] + j * gain[2, d]
     return residual, explained
 
 

@@ -16,9 +16,10 @@ from wingwatch.estimators.ekf.accepted import NOISE, UNDECIDED, accept, go_back,
 from wingwatch.estimators.ekf.coherence import forget_coherence, no_coherence
 from wingwatch.estimators.ekf.gust_variance import gust_variance
 from wingwatch.estimators.ekf.noise import LEAST
-from wingwatch.estimators.ekf.recursion import WARM_UP, update_all
+from wingwatch.estimators.ekf.recursion import WARM_UP, Runner
 from wingwatch.estimators.ekf.release import gained_in_window, keep_ratios, release_since
 from wingwatch.estimators.ekf.relinearise import relinearise_all
+from wingwatch.estimators.ekf.rerun import Rerun
 from wingwatch.estimators.ekf.scatter import (
     dispersed,
     dispersion_before,
@@ -51,10 +52,10 @@ from wingwatch.estimators.ekf.state import (
     put_vehicle,
     sizes_of,
 )
-from wingwatch.estimators.ekf.window import SOLUTIONS, WINDOW_ROWS, begin_window, remember
+from wingwatch.estimators.ekf.window import NOT_KEPT, SOLUTIONS, WINDOW_ROWS, begin_window, remember
 from wingwatch.estimators.estimate import Estimate
+from wingwatch.estimators.evidence.dispersion import dispersion_workspace
 from wingwatch.estimators.kernels.apart import apart
-from wingwatch.estimators.kernels.dispersion import dispersion_workspace
 from wingwatch.estimators.kernels.intersample import servos_of
 from wingwatch.estimators.kernels.levels import LEVELS
 from wingwatch.estimators.kernels.reading_noise import READING_MEMORY
@@ -136,6 +137,8 @@ class EkfEstimator:
         self.layout = SignalLayout(len(config.structure.states), len(config.structure.inputs))
         self.model = _model(config, self.layout.states, self.layout.inputs)
         self._dispersing = dispersion_workspace(config.prior_value.size)
+        self._runner, self._rerun = Runner(self.model), Rerun(self.model)
+        self._last: ByAddress | None = None
 
     def gust_variance(self, state: EkfState, places: NDArray[np.int64]) -> Array:
         """Variance of each state of some vehicles that gusts alone cause within ten seconds, shape (m, ns).
@@ -192,7 +195,7 @@ class EkfEstimator:
             gained_vector=np.zeros((n, k)),
             scatter=no_scatter(n, ns, k),
             window=Window(
-                rows=np.zeros((n, WINDOW_ROWS, columns), dtype=np.float32),
+                rows=np.zeros((n, WINDOW_ROWS, columns - NOT_KEPT), dtype=np.float32),
                 filled=none.copy(),
                 middle=none.copy(),
                 solutions=none.copy(),
@@ -228,16 +231,15 @@ class EkfEstimator:
         """
         signals = self.layout.checked(signals)
         lanes = lanes or all_lanes(*signals.shape[:2])
-        complete = self.layout.kinematic + 5
-        remember(signals, lanes, complete, state.rows, state.window.rows, state.window.filled)
-        update = update_all
+        remember(signals, lanes, self.layout.kinematic, state.rows, state.window.rows, state.window.filled)
         if self.config.engine == "filterpy":
             from wingwatch.estimators.ekf import (
                 filterpy_engine,  # it takes half a second that a service has no use for
             )
 
-            update = filterpy_engine.update_all
-        update(self.model, state, signals, lanes)
+            filterpy_engine.update_all(self.model, state, signals, lanes)
+        else:
+            self._runner.update(state, signals, lanes)
 
     def solve(
         self, state: EkfState, seen: NDArray[np.int64] | None = None, places: NDArray[np.int64] | None = None
@@ -268,15 +270,22 @@ class EkfEstimator:
         solved = Solved(
             np.empty(n), np.empty(n), np.empty((n, self.layout.states + self.layout.inputs), dtype=np.bool_)
         )
-        solve_all(self.model, ByAddress(state), places, solved, self._dispersing)
-        faults |= relinearise_all(self.model, state, places, solved)
+        packed, model = self._packed(state), self._rerun.by_address
+        solve_all(model, packed, places, solved, self._dispersing)
+        faults |= relinearise_all(self._rerun, state, packed, places, solved)
         self._start_lost(state, places)
         for i in quiet:
-            begin_window(self.model, ByAddress(state), i)
+            begin_window(model, packed, i)
         if seen is not None:
             for decided in places[seen != UNDECIDED].tolist():
                 accept(state, decided, first)
         return faults
+
+    def _packed(self, state: EkfState) -> ByAddress:
+        """The state by address; of the one that was asked for last it is at hand."""
+        if self._last is None or self._last.named is not state:
+            self._last = ByAddress(state)
+        return self._last
 
     def _start_lost(self, state: EkfState, places: NDArray[np.int64]) -> None:
         """Start those filters anew that hold no probability distribution any more."""
@@ -306,7 +315,7 @@ class EkfEstimator:
         if not spread.any():
             return False
         first, parameters = self.model.sizes.dynamic, self._parameters
-        at_its_time = release_since(self.model, state, vehicle, spread, since_s)
+        at_its_time = release_since(self._rerun, state, vehicle, spread, since_s)
         if not at_its_time:
             keep_ratios(self.model, state, vehicle)
             rows = np.arange(first, first + spread.size)
@@ -320,7 +329,7 @@ class EkfEstimator:
             gained = gained_in_window(self.model, state, vehicle)
             state.gained_matrix[vehicle], state.gained_vector[vehicle] = gained
         else:
-            begin_window(self.model, ByAddress(state), vehicle)
+            begin_window(self._rerun.by_address, self._packed(state), vehicle)
         forget_coherence(state, vehicle)
         accept(state, vehicle, first)
         forget_block(state, vehicle)

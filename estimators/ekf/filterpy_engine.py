@@ -5,7 +5,6 @@ import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 from numpy.typing import NDArray
 
-from wingwatch.estimators.ekf import recursion
 from wingwatch.estimators.ekf.adaptation import (
     Prediction,
     Residuals,
@@ -27,6 +26,7 @@ from wingwatch.estimators.ekf.noise import process_noise, trim_drift
 from wingwatch.estimators.ekf.recursion import (
     SETTLE_S,
     WARM_UP,
+    Runner,
     step_of,
     track_condition,
 )
@@ -71,7 +71,7 @@ def _take(model: Model, state: EkfState, i: int, new: Array) -> None:
     settled = samples > WARM_UP and not (inertial and samples * dt < SETTLE_S)
     if not 0.0 < dt <= MAX_GAP_S or not settled or not np.isfinite(older[TIME]):
         one = one_vehicle(state, i)
-        recursion.update_all(model, one, np.ascontiguousarray(new)[None, None], all_lanes(1, 1))
+        Runner(model).update(one, np.ascontiguousarray(new)[None, None], all_lanes(1, 1))
         put_vehicle(state, [i], one)
         return
     state.samples[i] = samples

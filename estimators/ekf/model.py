@@ -223,8 +223,11 @@ def transition_into(model, z, step, work):  # type: ignore[no-untyped-def]
     a, after, jacobian, series, lasting = (
         work.system, work.after, work.jacobian, work.series, work.mean_decay,
     )  # fmt: skip
-    for g in range(gusts):
-        lasting[g] = mean_decay(step.decay[g])
+    if gusts > 0:
+        lasting[ACCELERATION], lasting[TURN] = (
+            mean_decay(step.decay[ACCELERATION]),
+            mean_decay(step.decay[TURN]),
+        )
     _rates(model, z, step, work)
     for k in range(ns):
         for j in range(ns):

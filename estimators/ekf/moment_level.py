@@ -105,36 +105,38 @@ def forget_moment_levels(level, i):  # type: ignore[no-untyped-def]
 
 
 @hot
-def _place(slope, a):  # type: ignore[no-untyped-def]
-    """In the augmented state, of state a or, the last, of e."""
-    return a if a < slope.states else slope.moment
-
-
-@hot
 def predict_slope(slope, jacobian, variance, work):  # type: ignore[no-untyped-def]
-    """x' and P' over a step in which e is driven with ``variance``, at any time within it (docs (5))."""
-    ns, mean, cov = slope.states, slope.mean, slope.covariance
-    for a in range(ns + 1):
-        work[0, a] = 0.0
-        for b in range(ns + 1):
-            work[0, a] += jacobian[_place(slope, a), _place(slope, b)] * mean[b]
-    for a in range(ns + 1):
+    """x' and P' over a step in which e is driven with ``variance``, at any time within it (docs (5)).
+
+    e goes on as it decays alone: the last row of F holds nothing else.
+    """
+    ns, moment, mean, cov = slope.states, slope.moment, slope.mean, slope.covariance
+    decay = jacobian[moment, moment]
+    for a in range(ns):
+        work[0, a] = jacobian[a, moment] * mean[ns]
+        for b in range(ns):
+            work[0, a] += jacobian[a, b] * mean[b]
+    for a in range(ns):
         mean[a] = work[0, a]
+    mean[ns] *= decay
+    for b in range(ns + 1):
+        for a in range(ns):
+            work[a, b] = jacobian[a, moment] * cov[ns, b]
+            for c in range(ns):
+                work[a, b] += jacobian[a, c] * cov[c, b]
+        work[ns, b] = decay * cov[ns, b]
     for a in range(ns + 1):
-        for b in range(ns + 1):
-            work[a, b] = 0.0
-            for c in range(ns + 1):
-                work[a, b] += jacobian[_place(slope, a), _place(slope, c)] * cov[c, b]
-    for a in range(ns + 1):
-        at_a = 1.0 if a == ns else 0.0
-        later_a = jacobian[_place(slope, a), slope.moment] - at_a
-        for b in range(a + 1):
-            at_b = 1.0 if b == ns else 0.0
-            later_b = jacobian[_place(slope, b), slope.moment] - at_b
-            total = variance * ((at_a + 0.5 * later_a) * (at_b + 0.5 * later_b) + later_a * later_b / 12.0)
-            for c in range(ns + 1):
-                total += work[a, c] * jacobian[_place(slope, b), _place(slope, c)]
+        later_a = jacobian[a, moment] if a < ns else decay - 1.0
+        driven_a = 0.5 * later_a + (1.0 if a == ns else 0.0)
+        for b in range(min(a + 1, ns)):
+            later_b = jacobian[b, moment]
+            total = variance * (driven_a * (0.5 * later_b) + later_a * later_b / 12.0)
+            total += work[a, ns] * jacobian[b, moment]
+            for c in range(ns):
+                total += work[a, c] * jacobian[b, c]
             cov[a, b] = cov[b, a] = total
+    later = decay - 1.0
+    cov[ns, ns] = variance * ((1.0 + 0.5 * later) ** 2 + later * later / 12.0) + work[ns, ns] * decay
 
 
 @hot
@@ -147,31 +149,38 @@ def correct_slope(slope, measured, work):  # type: ignore[no-untyped-def]
         root = gains.inverse_std[j]
         if root == 0.0:
             continue
+        if j < ns:
+            moved, spread = -mean[j] * root, cov[j, j] * root * root
+            for a in range(ns + 1):
+                crossed[a] = cov[j, a]
+        else:
+            moved, spread = _seen_by_row(slope, row, crossed)
+            moved, spread = moved * root, spread * root * root
         gain, innovation = gains.gain[j], gains.innovation[j]
-        moved = spread = 0.0
-        for a in range(ns + 1):
-            crossed[a] = 0.0
-            for b in range(ns + 1):
-                crossed[a] += cov[a, b] * _seen(slope, row, j, b)
-        for a in range(ns + 1):
-            moved -= _seen(slope, row, j, a) * mean[a] * root
-            spread += _seen(slope, row, j, a) * crossed[a] * root * root
         score += 0.5 * (innovation * innovation - 1.0) * spread - innovation * moved
         information += moved * moved + 0.5 * spread * spread
         for a in range(ns + 1):
-            by = gain[_place(slope, a)]
-            mean[a] += (crossed[a] * root - by * spread) * innovation + by * moved
+            by = gain[a] if a < ns else gain[slope.moment]
+            crossed_a = crossed[a] * root
+            mean[a] += (crossed_a - by * spread) * innovation + by * moved
             for b in range(a + 1):
-                other = gain[_place(slope, b)]
-                left = by * other * spread - (by * crossed[b] + other * crossed[a]) * root
+                other = gain[b] if b < ns else by
+                left = by * other * spread - (by * (crossed[b] * root) + other * crossed_a)
                 cov[a, b] += left
                 cov[b, a] = cov[a, b]
     return score, information
 
 
 @hot
-def _seen(slope, row, j, a):  # type: ignore[no-untyped-def]
-    """What measurement j sees of state a: its own state, or as the accelerometer's ``row`` says."""
-    if j < slope.states:
-        return 1.0 if a == j else 0.0
-    return row[_place(slope, a)]
+def _seen_by_row(slope, row, crossed):  # type: ignore[no-untyped-def]
+    """Of the accelerometer's ``row``: less what it sees of x', what it sees of P', and P' times it into ``crossed``."""
+    ns, mean, cov, by_moment = slope.states, slope.mean, slope.covariance, row[slope.moment]
+    moved, spread = -by_moment * mean[ns], 0.0
+    for a in range(ns + 1):
+        crossed[a] = cov[a, ns] * by_moment
+        for b in range(ns):
+            crossed[a] += cov[a, b] * row[b]
+    for a in range(ns):
+        moved -= row[a] * mean[a]
+        spread += row[a] * crossed[a]
+    return moved, spread + by_moment * crossed[ns]

@@ -158,12 +158,16 @@ def process_noise(model, noise, i, jacobian, step):  # type: ignore[no-untyped-d
     nx = model.sizes.dynamic
     q = np.empty((nx, nx))
     process_noise_into(model, noise, i, jacobian, step, np.empty((2, nx)), q)
+    for a in range(nx):
+        for b in range(a):
+            q[b, a] = q[a, b]
     return q
 
 
 @hot
 def process_noise_into(model, noise, i, jacobian, step, work, q):  # type: ignore[no-untyped-def]
-    """``process_noise`` into ``q``: with w = v + u / 2 the sum above is w w' + u u' / 12; ``work`` is (2, nx)."""
+    """The lower triangle of ``process_noise`` into ``q``, the sum above as w w' + u u' / 12, w = v + u / 2; ``work``
+    is (2, nx)."""
     ns, gusts = model.sizes.states, model.sizes.gusts
     driven = ns + (1 if gusts > 0 else 0)
     q[:] = 0.0
@@ -189,7 +193,7 @@ def process_noise_into(model, noise, i, jacobian, step, work, q):  # type: ignor
         for m in range(driven):
             a = m if m < ns else own
             u, w = power * work[0, m] / 12.0, power * work[1, m]
-            for k in range(driven):
+            for k in range(m + 1):
                 q[a, k if k < ns else own] += w * work[1, k] + u * work[0, k]
     for g in range(PATH, PATH + ns if gusts > 0 else PATH):
         q[ns + g, ns + g] += (1.0 - step.decay[g] ** 2) * PATH_STD * PATH_STD

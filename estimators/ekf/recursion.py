@@ -55,7 +55,6 @@ from wingwatch.estimators.ekf.state import (
     VANE,
     EkfState,
     Model,
-    Running,
     running,
     sizes_of,
 )
@@ -64,6 +63,7 @@ from wingwatch.estimators.kernels.levels import start_level
 from wingwatch.estimators.kernels.reading_noise import forget_readings
 from wingwatch.estimators.lanes import Lanes, all_lanes
 from wingwatch.estimators.signals import CONDITION_COLUMNS
+from wingwatch.kernels.by_address import ByAddress
 from wingwatch.kernels.decorators import hot, lean, part, sizes, whole, whole_entry
 from wingwatch.telemetry import MAX_GAP_S
 
@@ -71,10 +71,10 @@ __all__ = [
     "SETTLE_S",
     "WARM_UP",
     "Notes",
-    "run_again",
+    "Runner",
+    "notes_of",
     "step_of",
     "track_condition",
-    "update_all",
 ]
 
 Array = NDArray[np.float64]
@@ -338,7 +338,7 @@ def _note(state, i, s, notes):  # type: ignore[no-untyped-def]
 
 @lean
 def _run(lengths, given, state, given_rows, ends, first_time, notes, space):  # type: ignore[no-untyped-def]
-    """``update_all`` in a workspace; the sizes in ``lengths`` take the place of those in the model."""
+    """``_update_all`` in a workspace; the sizes in ``lengths`` take the place of those in the model."""
     model = Model(
         _sizes_of(len(lengths[0]), len(lengths[1]), len(lengths[2])), given.longitudinal, given.roll,
         given.use_accelerometer, given.adapt_s, given.trim_corner_rad_s, given.memory_s, given.stale_s,
@@ -379,12 +379,7 @@ def _update_all(lengths, model, state, rows, ends, first_time, notes):  # type: 
     _run(lengths, model, state, rows, ends, first_time, notes, space)
 
 
-def _lengths(model: Model) -> tuple[tuple[int, ...], ...]:
-    """Numbers of states, inputs and gust states as ``hot.sizes`` has them."""
-    return sizes(model.sizes.states, model.sizes.inputs, model.sizes.gusts)
-
-
-def _notes(model: Model, solutions: int) -> Notes:
+def notes_of(model: Model, solutions: int) -> Notes:
     """Room for so many solutions."""
     ns, nu, nz = model.sizes.states, model.sizes.inputs, model.sizes.augmented
     return Notes(
@@ -393,28 +388,37 @@ def _notes(model: Model, solutions: int) -> Notes:
     )  # fmt: skip
 
 
-def run_again(model: Model, state: Running, signals: Array, ends: NDArray[np.int64]) -> Notes:
-    """Runs rows of one vehicle that have been run before: the noise of sensors and vane is known.
-
-    The other variances go on being learned from where they are.
+class Runner:
+    """Runs rows through one filter; for kernels its model and its state are described once.
 
     Args:
         model: of the filter.
-        state: of one vehicle, advanced in place.
-        signals: (rows, columns).
-        ends: rows before each solution, rising, (solutions,).
-
-    Returns:
-        what the filter has at each solution.
     """
-    notes = _notes(model, ends.size)
-    state.moments[:] = 0.0
-    rows = signals[None], all_lanes(1, len(signals))
-    _update_all(_lengths(model), model, state, rows, ends, False, notes)
-    return notes
 
+    def __init__(self, model: Model) -> None:
+        self._lengths = sizes(model.sizes.states, model.sizes.inputs, model.sizes.gusts)
+        self._model, self._no_notes = ByAddress(model), notes_of(model, 0)
+        self._state: EkfState | None = None
+        self._running: ByAddress | None = None
 
-def update_all(model: Model, state: EkfState, signals: Array, lanes: Lanes) -> None:
-    """Run all samples of some vehicles, (vehicles, samples, columns)."""
-    ends = np.array([signals.shape[1]])
-    _update_all(_lengths(model), model, running(state), (signals, lanes), ends, True, _notes(model, 0))
+    def update(self, state: EkfState, signals: Array, lanes: Lanes) -> None:
+        """Run all samples of some vehicles, (vehicles, samples, columns)."""
+        if self._state is not state:
+            self._state, self._running = state, ByAddress(running(state))
+        ends = np.array([signals.shape[1]])
+        rows = signals, lanes
+        _update_all(self._lengths, self._model, self._running, rows, ends, True, self._no_notes)
+
+    def again(self, run: ByAddress, signals: Array, ends: NDArray[np.int64], notes: Notes) -> None:
+        """Run rows of one vehicle that have been run before: the noise of sensors and vane is known.
+
+        The other variances go on being learned from where they are.
+
+        Args:
+            run: ``Running`` of one vehicle, advanced in place.
+            signals: (rows, columns).
+            ends: rows before each solution, rising, (solutions,).
+            notes: filled with what the filter has at each solution; for as many at least.
+        """
+        rows = signals[None], all_lanes(1, len(signals))
+        _update_all(self._lengths, self._model, run, rows, ends, False, notes)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.estimators.ekf.model import LEAST_DAMPING
-from wingwatch.estimators.ekf.relinearise import run_window_again
+from wingwatch.estimators.ekf.rerun import Rerun
 from wingwatch.estimators.ekf.state import (
     ESTIMATED,
     KEPT,
@@ -65,7 +65,7 @@ def _lower_levels(one: EkfState) -> None:
     level.information[0, lower] = then.information[0, 0, lower]
 
 
-def _go_to(model: Model, one: EkfState, since_s: float) -> int | None:
+def _go_to(rerun: Rerun, one: EkfState, since_s: float) -> int | None:
     """A batch of one goes back to its window's last solution at or before a time, or to the window's beginning where
     that is later.
 
@@ -73,7 +73,9 @@ def _go_to(model: Model, one: EkfState, since_s: float) -> int | None:
     """
     window, points = one.window, one.window.checkpoints
     solutions, beginning = int(window.solutions[0]), points.rows[0, 0].copy()
-    rows = recalled(window.rows[0, : int(window.filled[0])], float(beginning[NEWEST, TIME]))
+    rows = recalled(
+        window.rows[0, : int(window.filled[0])], float(beginning[NEWEST, TIME]), rerun.model.sizes.kinematic
+    )
     ends = window.ends[0, :solutions]
     before = int(np.sum(rows[ends - 1, TIME] <= since_s))
     if before == solutions or np.isnan(since_s):
@@ -84,7 +86,7 @@ def _go_to(model: Model, one: EkfState, since_s: float) -> int | None:
         return 0
     cut = int(ends[before - 1])
     window.filled[0], window.middle[0], window.solutions[0] = cut, 0, before
-    if not run_window_again(model, one, 0):
+    if not rerun.window(one, 0):
         return None
     one.rows[0] = np.concatenate([rows[max(cut - 2, 0) : cut][::-1], beginning])[:2]
     return before
@@ -103,12 +105,12 @@ def gained_in_window(model: Model, state: EkfState, i: int) -> tuple[Array, Arra
     return matrix, vector
 
 
-def release_since(model: Model, state: EkfState, i: int, spread: Array, since_s: float) -> bool:
+def release_since(rerun: Rerun, state: EkfState, i: int, spread: Array, since_s: float) -> bool:
     """Resets derivatives as of a time within the window, or as of its beginning where that is later, if solutions have
     come since.
 
     Args:
-        model: of the filter.
+        rerun: of the filter.
         state: in place, right after a solution; i: the vehicle.
         spread: standard deviation of what each has changed by, in natural sizes, (k,).
         since_s: when they had not changed yet, on the rows' clock.
@@ -116,12 +118,13 @@ def release_since(model: Model, state: EkfState, i: int, spread: Array, since_s:
     Returns:
         whether it was done; else the state is as it was.
     """
-    window, k, first = state.window, spread.size, model.sizes.dynamic
+    model, window, k = rerun.model, state.window, spread.size
+    first = model.sizes.dynamic
     count, solutions = int(window.filled[i]), int(window.solutions[i])
     if not 0 < count <= window.rows.shape[1] or solutions < 1 or window.ends[i, solutions - 1] != count:
         return False
     there, work = one_vehicle(state, i), one_vehicle(state, i)
-    before = _go_to(model, there, since_s)
+    before = _go_to(rerun, there, since_s)
     if before is None:
         return False
     parameters, diagonal = slice(first, first + k), np.arange(first, first + k)
@@ -132,10 +135,10 @@ def release_since(model: Model, state: EkfState, i: int, spread: Array, since_s:
     work.ratios[0], work.direction[0] = there.ratios[0], there.direction[0]
     cut_at(work, before)
     there.information[0] = np.linalg.inv(there.cov[0, parameters, parameters])
-    set_checkpoint(model, ByAddress(there), 0, ByAddress(work.window.checkpoints), FIRST)
+    set_checkpoint(rerun.by_address, ByAddress(there), 0, ByAddress(work.window.checkpoints), FIRST)
     for _ in range(_STEPS):
         _lower_levels(work)
-        if not run_window_again(model, work, 0):
+        if not rerun.window(work, 0):
             return False
         moved = work.z[0, parameters] - state.z[i, parameters]
         if not (np.isfinite(work.cov).all() and (np.abs(moved) <= _FAR * prior_std).all()):

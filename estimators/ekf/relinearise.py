@@ -38,49 +38,26 @@ A step of Gauss and Newton is a guide only where the response is straight within
 at most a quarter. Quiet flight, where J comes of noise, and a derivative just reset are left alone so.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.estimators.ekf.covariance import leave_out, reseat
-from wingwatch.estimators.ekf.inputs import input_noise_information
-from wingwatch.estimators.ekf.recursion import run_again
-from wingwatch.estimators.ekf.solve import INFORMED
-from wingwatch.estimators.ekf.state import (
-    ESTIMATED,
-    EXPECTED,
-    KEPT,
-    NEWEST,
-    TIME,
-    EkfState,
-    Model,
-    Running,
-    Solved,
-    one_vehicle,
-)
+from wingwatch.estimators.ekf.rerun import Rerun
+from wingwatch.estimators.ekf.state import ESTIMATED, EXPECTED, KEPT, EkfState, Model, Solved
 from wingwatch.estimators.ekf.window import (
     WINDOW_ROWS,
     advance_checkpoints,
     begin_window,
     innovation_log_variance,
-    recalled,
 )
-from wingwatch.estimators.kernels.apart import apart, room_around
-from wingwatch.estimators.kernels.symmetric import invert
+from wingwatch.estimators.evidence.information import Belief
 from wingwatch.kernels.by_address import ByAddress
 from wingwatch.kernels.copying import copy_into
-from wingwatch.kernels.decorators import helper, part, whole
+from wingwatch.kernels.decorators import part, whole
 
-__all__ = ["relinearise_all", "run_window_again"]
-
-Array = NDArray[np.float64]
+__all__ = ["relinearise_all"]
 
 _CURVED = 0.25
 """Curvature of the response within what is not known of the derivatives, beyond which a linear step is no guide."""
-
-_NARROW = 1e-4
-"""Variance of the derivatives in a run about a fixed point, over what is known of them: a hundredth of an error."""
 
 _SPARE_ROWS, _SPARE = 4 * WINDOW_ROWS, 0.2
 """Rows that may be run again: a few windows, for when much is learned in a short time, and a fifth of all."""
@@ -93,42 +70,6 @@ _MATTERS = 0.1
 
 _TAUGHT = 1e-9
 """Fraction of all that is known from which on a window has taught anything: less is rounding."""
-
-
-class Information(NamedTuple):
-    """On the derivatives: matrix (k, k) and vector (k,)."""
-
-    matrix: Array
-    vector: Array
-
-
-class Belief(NamedTuple):
-    """About the derivatives: mean (k,) and covariance (k, k)."""
-
-    value: Array
-    covariance: Array
-
-
-class Before(NamedTuple):
-    """Known of the derivatives before a half second: information matrix (k, k) and mean (k,)."""
-
-    matrix: Array
-    value: Array
-
-
-class Span(NamedTuple):
-    """What solutions did in a part of the window (axis s) that is run again."""
-
-    ends: NDArray[np.int64]
-    """(s,): rows of the window before each solution."""
-    keep: Array
-    """(s,): fraction of the information that was kept."""
-    resting: NDArray[np.bool_]
-    """(s, ns + nu): states and inputs at rest."""
-    middle: int
-    """Rows of the window before its second checkpoint, 0 where there is none."""
-    input_variance: Array
-    """(nu,): of the inputs' readings, rad2."""
 
 
 @part
@@ -187,172 +128,6 @@ def _left_out(model, state, i, first, kept, prior_information):  # type: ignore[
     return max(off, moved), fraction
 
 
-@helper
-def _inverse(matrix, work, out):  # type: ignore[no-untyped-def]
-    """Inverse of a symmetric matrix into ``out``; returns whether the matrix is positive definite and finite."""
-    n = matrix.shape[0]
-    for a in range(n):
-        for b in range(n):
-            work[a, b] = matrix[a, b]
-    invert(work, out)
-    sound = True
-    for a in range(n):
-        sound = sound and 0.0 < work[a, a] < np.inf
-    return sound
-
-
-@helper
-def _times(matrix, vector, out):  # type: ignore[no-untyped-def]
-    for a in range(out.size):
-        out[a] = 0.0
-        for b in range(vector.size):
-            out[a] += matrix[a, b] * vector[b]
-
-
-@helper
-def _forget(model, known, before, span, notes, s):  # type: ignore[no-untyped-def]
-    """What solution ``s`` does to what is known: what rested (``before``: as known before the half second), information
-    that came of reading errors, forgetting."""
-    information, vector, k = known.matrix, known.vector, known.vector.size
-    resting, keep, prior_std = span.resting[s], span.keep[s], model.prior_std
-    noise_information = np.empty((k, k))
-    input_noise_information(
-        notes.error_information[s], notes.moments[s], span.input_variance, resting, noise_information
-    )
-    if resting.any():
-        leave_out(known.matrix, known.vector, before.matrix, before.value, resting, model.sizes.states)
-    for a in range(k):
-        prior = 1.0 / (prior_std[a] * prior_std[a])
-        vector[a] *= keep
-        for b in range(k):
-            information[a, b] = keep * (information[a, b] - noise_information[a, b])
-        information[a, a] += (1.0 - keep) * prior
-        vector[a] += (1.0 - keep) * prior * model.prior_value[a]
-    for a in range(k):
-        for b in range(a):
-            information[a, b] = information[b, a] = 0.5 * (information[a, b] + information[b, a])
-
-
-@whole
-def _put_together(model, fixed, span, notes, known, middle):  # type: ignore[no-untyped-def]
-    """Half second by half second, what the run about a fixed point says joins what is known.
-
-    Args:
-        model: of the filter.
-        fixed: ``Belief``: the fixed point and its covariance at the run's beginning.
-        span, notes: what the solutions did, and what the run has at each.
-        known: ``Information`` at the beginning, becomes that at the end.
-        middle: becomes that at the second checkpoint.
-
-    Returns:
-        whether all of it is sound.
-    """
-    k, first = fixed.value.size, model.sizes.dynamic
-    square = (k, k)
-    work, seen, fresh, known_covariance = (
-        np.empty(square),
-        np.empty(square),
-        np.empty(square),
-        np.empty(square),
-    )
-    seen_vector, before = np.empty(k), Before(np.empty(square), np.empty(k))
-    _inverse(fixed.covariance, work, seen)
-    _times(seen, fixed.value, seen_vector)
-    _inverse(known.matrix, work, known_covariance)
-    for s in range(len(notes.z)):
-        value = notes.z[s, first : first + k]
-        if not _inverse(notes.cov[s, first : first + k, first : first + k], work, fresh):
-            return False
-        before.matrix[:] = known.matrix
-        _times(known_covariance, known.vector, before.value)
-        for a in range(k):
-            now_vector = 0.0
-            for b in range(k):
-                now_vector += fresh[a, b] * value[b]
-                known.matrix[a, b] += fresh[a, b] - seen[a, b]
-                seen[a, b] = fresh[a, b]
-            known.vector[a] += now_vector - seen_vector[a]
-            seen_vector[a] = now_vector
-        _forget(model, known, before, span, notes, s)
-        if not _inverse(known.matrix, work, known_covariance):
-            return False
-        if span.ends[s] == span.middle:
-            middle.matrix[:], middle.vector[:] = known.matrix, known.vector
-    return True
-
-
-def _reseat(posterior: tuple[Array, Array], known: Information, first: int) -> None:
-    """The derivatives of one vehicle's mean and covariance become what is known of them."""
-    covariance = np.linalg.inv(known.matrix)
-    reseat(*posterior, covariance @ known.vector, covariance, first)
-
-
-def _from_beginning(state: EkfState, i: int) -> Running:
-    """A vehicle's filter at the beginning of its window, a batch of one."""
-    points, one = state.window.checkpoints, slice(i, i + 1)
-    return Running(
-        z=room_around(points.z[one, 0]),
-        cov=room_around(points.cov[one, 0]),
-        noise=one_vehicle(state.noise, i),
-        memory=one_vehicle(state.memory, i),
-        input_errors=one_vehicle(state.input_errors, i),
-        moment_level=one_vehicle(state.moment_level, i),
-        coherence=one_vehicle(state.coherence, i),
-        moments=room_around(state.moments[one]),
-        rows=room_around(points.rows[one, 0]),
-        condition=room_around(state.condition[one]),
-        samples=room_around(state.samples[one]),
-        settling=room_around(state.settling[one]),
-        ratios=room_around(state.ratios[one]),
-        direction=room_around(state.direction[one]),
-    )
-
-
-def run_window_again(model: Model, state: EkfState, i: int, about: Belief | None = None) -> bool:
-    """A vehicle's window again about the present estimate, or ``about`` another: its state and checkpoints become what
-    that leaves.
-
-    Returns whether it did: a run that leaves no sound covariance is left out.
-    """
-    window, points, k = state.window, state.window.checkpoints, state.vector.shape[1]
-    first = model.sizes.dynamic
-    middle_row, count = int(window.middle[i]), int(window.filled[i])
-    parameters = slice(first, first + k)
-    value, covariance = about or Belief(state.z[i, parameters].copy(), state.cov[i, parameters, parameters])
-    fixed = Belief(value, _NARROW * covariance)
-    run = _from_beginning(state, i)
-    run.moment_level.mean[:] = run.moment_level.covariance[:] = 0.0
-    information = points.information[i, 0].copy()
-    known = apart(Information(information, information @ run.z[0, parameters]))
-    middle = apart(Information(np.zeros((k, k)), np.zeros(k)))
-    reseat(run.z[0], run.cov[0], *fixed, first)
-    solved = slice(int(window.solutions[i]))
-    span = Span(
-        window.ends[i, solved],
-        window.keep[i, solved],
-        window.resting[i, solved],
-        middle_row,
-        state.noise.inputs[i],
-    )
-    rows = recalled(window.rows[i, :count], float(run.rows[0, NEWEST, TIME]))
-    notes = run_again(model, run, rows, span.ends)
-    if not _put_together(model, fixed, span, notes, known, middle):
-        return False
-    _reseat((run.z[0], run.cov[0]), known, first)
-    for m in range(2):
-        innovation_log_variance(model, ByAddress(run), 0, points.log_variance[i, m])
-        points.value[i, m], points.covariance[i, m] = fixed.value, state.cov[i, parameters, parameters]
-    if middle_row > 0:
-        at = int(np.flatnonzero(span.ends == middle_row)[0])
-        points.z[i, 1], points.cov[i, 1], points.information[i, 1] = notes.z[at], notes.cov[at], middle.matrix
-        _reseat((points.z[i, 1], points.cov[i, 1]), middle, first)
-    state.z[i], state.cov[i] = run.z[0], run.cov[0]
-    for learned in ("noise", "input_errors", "moment_level"):
-        for kept, new in zip(getattr(state, learned), getattr(run, learned), strict=True):
-            kept[i] = new[0]
-    return True
-
-
 @whole
 def _assess(model, state, places, solved, fresh, again, never):  # type: ignore[no-untyped-def]
     """Notes the solution of every vehicle; finds how many rows are ``fresh`` (-1: the window begins anew), whether the
@@ -407,57 +182,32 @@ def _advance_all(model, state, places, fresh):  # type: ignore[no-untyped-def]
 
 
 def relinearise_all(
-    model: Model, state: EkfState, places: NDArray[np.int64], solved: Solved
+    rerun: Rerun, state: EkfState, packed: ByAddress, places: NDArray[np.int64], solved: Solved
 ) -> dict[int, Exception]:
     """After a solution: the window is run again where linearisation has left out what matters or the damping of rolling
     has become known, and the checkpoints advance.
 
-    Returns the vehicles whose run failed, and how.
-
-    Few windows are, so what is done with one is put together here from kernels: compiled as a whole for each number
-    of states it would take longer than all the filter.
+    ``packed``: the state by address. Returns the vehicles whose run failed, and how.
     """
     fresh = np.empty(len(places), dtype=np.int64)
     again, never = np.empty((2, len(places)), dtype=np.bool_)
-    packed = ByAddress(state)
+    model = rerun.by_address
     _assess(model, packed, places, solved, fresh, again, never)
     faults: dict[int, Exception] = {}
     for m in np.flatnonzero(again):
         try:
-            i = int(places[m])
-            _run_again(model, state, i, _before(state, i) if never[m] else None)
+            rerun.window_and_account(state, int(places[m]), packed, before=bool(never[m]))
         except Exception as error:  # the others are not to suffer by it
             faults[int(places[m])], fresh[m] = error, -1
-    for m in np.flatnonzero(_damping_found(model, state, places)):
+    for m in np.flatnonzero(_damping_found(rerun.model, state, places)):
         i = int(places[m])
         try:
-            if fresh[m] >= 0 and _run_again(model, state, i):
+            if fresh[m] >= 0 and rerun.window_and_account(state, i, packed):
                 state.window.rerun[i] += state.window.filled[i]
         except Exception as error:
             faults[i], fresh[m] = error, -1
     _advance_all(model, packed, places, fresh)
     return faults
-
-
-def _before(state: EkfState, i: int) -> Belief:
-    """What was known of a vehicle's derivatives before its window."""
-    points = state.window.checkpoints
-    return Belief(points.value[i, 0].copy(), points.covariance[i, 0].copy())
-
-
-def _run_again(model: Model, state: EkfState, i: int, about: Belief | None = None) -> bool:
-    """``run_window_again``, and what follows from the derivatives' new covariance; returns whether it did."""
-    if not run_window_again(model, state, i, about):
-        return False
-    parameters = slice(model.sizes.dynamic, model.sizes.dynamic + state.vector.shape[1])
-    covariance = state.cov[i, parameters, parameters]
-    state.information[i] = np.linalg.inv(covariance)
-    state.vector[i] = state.information[i] @ state.z[i, parameters]
-    informed = np.diag(covariance) < INFORMED * state.variance[i]
-    moved_s = float(np.max(state.moved_s[i, : model.sizes.states]))
-    state.informed_s[i, informed] = np.maximum(state.informed_s[i, informed], moved_s)
-    state.variance[i] = np.diag(covariance)
-    return True
 
 
 def _damping_found(model: Model, state: EkfState, places: NDArray[np.int64]) -> NDArray[np.bool_]:

@@ -11,15 +11,16 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.estimators.ekf.coherence import coherent_dispersion
+from wingwatch.estimators.ekf.coherence import coherent_dispersions
 from wingwatch.estimators.ekf.state import EkfState, Scatter
-from wingwatch.estimators.kernels.dispersion import (
+from wingwatch.estimators.evidence.dispersion import (
     DISPERSION,
     disperse,
     dispersion_of,
     dispersion_workspace,
     gather_scatter,
 )
+from wingwatch.estimators.evidence.information import believe
 from wingwatch.estimators.kernels.symmetric import invert
 from wingwatch.kernels.copying import copy_into
 from wingwatch.kernels.decorators import helper, whole
@@ -54,26 +55,25 @@ def begin_block(scatter, i, now_s, information, vector):  # type: ignore[no-unty
 
 
 @helper
-def close_block(scatter, i, now_s, memory_s, work):  # type: ignore[no-untyped-def]
+def close_block(scatter, i, now_s, memory_s, dispersing):  # type: ignore[no-untyped-def]
     """Compares a block that is full with what was known when it began; the next solution begins another.
 
     Args:
         scatter: ``Scatter``; i: the vehicle.
         now_s: on the rows' clock.
         memory_s: with which earlier blocks are forgotten.
-        work: ``DispersionWorkspace``.
+        dispersing: ``DispersionWorkspace``.
     """
     if scatter.solutions[i] < BLOCK_SOLUTIONS:
         return
     scatter.solutions[i] = 0
     k = scatter.vector.shape[1]
-    covariance, mean = np.empty((k, k)), np.zeros(k)
-    invert(scatter.start_matrix[i].copy(), covariance)
-    for a in range(k):
-        for b in range(k):
-            mean[a] += covariance[a, b] * scatter.start_vector[i, b]
+    work, covariance, mean = np.empty((k, k)), np.empty((k, k)), np.empty(k)
+    believe(scatter.start_matrix[i], scatter.start_vector[i], work, covariance, mean)
     keep = math.exp(-(now_s - scatter.start_s[i]) / memory_s)
-    gather_scatter(scatter.matrix[i], scatter.vector[i], mean, covariance, keep, scatter.equations[i], work)
+    gather_scatter(
+        scatter.matrix[i], scatter.vector[i], mean, covariance, keep, scatter.equations[i], dispersing
+    )
 
 
 def no_scatter(vehicles: int, ns: int, k: int) -> Scatter:
@@ -107,7 +107,7 @@ def stated_dispersions(state: EkfState, places: NDArray[np.int64]) -> Array:
 def _stated_into(equations, coherence, places, out):  # type: ignore[no-untyped-def]
     """Compiled ``stated_dispersions``."""
     for m in range(places.size):
-        coherent_dispersion(coherence, places[m], out[m])
+        coherent_dispersions(coherence, places[m], out[m])
         for e in range(out.shape[1]):
             out[m, e] = max(dispersion_of(equations[places[m], e]), out[m, e])
 

@@ -2,30 +2,25 @@
 
 import numpy as np
 
-from wingwatch.estimators.ekf.coherence import coherent_dispersion
+from wingwatch.estimators.ekf.coherence import coherent_dispersions
 from wingwatch.estimators.ekf.covariance import forget, inverse_of, leave_out, of_derivatives, reseat
 from wingwatch.estimators.ekf.inputs import input_noise_information
 from wingwatch.estimators.ekf.recursion import WARM_UP
+from wingwatch.estimators.ekf.rerun import INFORMED
 from wingwatch.estimators.ekf.scatter import begin_block, close_block
 from wingwatch.estimators.ekf.state import FIRST_READING, NEWEST, READINGS, SQUARES, SUM, TIME, VANE
-from wingwatch.estimators.kernels.symmetric import invert
+from wingwatch.estimators.evidence.chance import chance_of
+from wingwatch.estimators.evidence.information import believe, times
 from wingwatch.kernels.copying import copy_into
 from wingwatch.kernels.decorators import helper, part, whole_entry
 
 __all__ = ["solve_all"]
-
-CHANCE = 4.0
-"""Standard deviations by which the readings' variance must exceed that of their noise to be motion: once in 30,000 half
-seconds by chance."""
 
 ALMOST_HALF_S = 0.45
 """Solutions join their readings until they are those of half a second."""
 
 MOVED_S = 1.75
 """Time that a motion is given to die out."""
-
-INFORMED = 0.98
-"""Fraction of its variance below which a derivative has been informed."""
 
 NOISE_FRACTION = 0.5
 """Fraction of all that is known of an input's derivatives beyond which a half second of its noise is not corrected
@@ -48,10 +43,7 @@ def _join(moments, half):  # type: ignore[no-untyped-def]
 
 @helper
 def _moves(halves, variance):  # type: ignore[no-untyped-def]
-    """Whether the readings of some half seconds, (h, 3), vary by more than noise of ``variance`` does.
-
-    The variance of so many readings has a chi-square distribution (Wilson and Hilferty 1931).
-    """
+    """Whether the readings of some half seconds, (h, 3), vary by more than noise of ``variance`` does by chance."""
     count = mean = squares = 0.0
     for h in range(halves.shape[0]):
         count += halves[h, 0]
@@ -61,8 +53,7 @@ def _moves(halves, variance):  # type: ignore[no-untyped-def]
     mean /= count
     for h in range(halves.shape[0]):
         squares += halves[h, 2] + halves[h, 0] * (halves[h, 1] - mean) ** 2
-    part = 2.0 / (9.0 * (count - 1.0))
-    return squares > (count - 1.0) * variance * (1.0 - part + CHANCE * np.sqrt(part)) ** 3
+    return squares > variance * chance_of(count - 1.0)
 
 
 @helper
@@ -105,16 +96,6 @@ def _resting(state, i, variance, ns):  # type: ignore[no-untyped-def]
     return resting
 
 
-@helper
-def _mean_of(matrix, vector, covariance, mean):  # type: ignore[no-untyped-def]
-    """Covariance and mean that an information matrix and vector mean, into ``covariance`` and ``mean``."""
-    invert(matrix.copy(), covariance)
-    for a in range(mean.size):
-        mean[a] = 0.0
-        for b in range(mean.size):
-            mean[a] += covariance[a, b] * vector[b]
-
-
 @part
 def _without_noise(model, state, i, noise_information):  # type: ignore[no-untyped-def]
     """Leaves out what resting states and inputs taught; the information that came of the noise of the other inputs goes
@@ -132,18 +113,16 @@ def _without_noise(model, state, i, noise_information):  # type: ignore[no-untyp
     moments = state.moments[i].copy()
     resting = _resting(state, i, largest, ns)
     k = vector.size
-    covariance, before, mean = np.empty((k, k)), np.empty(k), np.empty(k)
-    fresh, gained = inverse_of(cov, np.arange(first, first + k)), np.zeros(k)
-    for a in range(k):
-        for b in range(k):
-            gained[a] += fresh[a, b] * z[first + b]
+    work, covariance, before, mean = np.empty((k, k)), np.empty((k, k)), np.empty(k), np.empty(k)
+    fresh, gained = inverse_of(cov, np.arange(first, first + k)), np.empty(k)
+    times(fresh, z[first : first + k], gained)
     more = True
     while more:
         if resting.any():
-            _mean_of(information, vector, covariance, before)
+            believe(information, vector, work, covariance, before)
             matrix, left = fresh.copy(), gained.copy()
             leave_out(matrix, left, information, before, resting, ns)
-            _mean_of(matrix, left, covariance, mean)
+            believe(matrix, left, work, covariance, mean)
             reseat(z, cov, mean, covariance, first)
         input_noise_information(
             state.input_errors.information[i], moments, variance, resting, noise_information
@@ -230,6 +209,6 @@ def solve_all(model, state, places, solved, dispersing):  # type: ignore[no-unty
                 vector[a] += fresh[a, b] * z[first + b]
         if state.scatter.solutions[i] == 0:
             begin_block(state.scatter, i, now_s, information, vector)
-            coherent_dispersion(state.coherence, i, state.scatter.coherent[i])
+            coherent_dispersions(state.coherence, i, state.scatter.coherent[i])
         state.scatter.solutions[i] += 1
         state.solutions[i] += 1

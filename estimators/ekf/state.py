@@ -23,6 +23,7 @@ __all__ = [
     "ACCELERATION",
     "AIRSPEED",
     "ALPHA",
+    "ALTITUDE",
     "CONDITION_ALPHA",
     "DENSITY",
     "EARLIER",
@@ -69,9 +70,9 @@ Named = TypeVar("Named", bound=tuple[Any, ...])
 TIME = 0
 """Column of the time in a signal row."""
 
-PRESSURE_RATIO, AIRSPEED, DENSITY, ALPHA, VANE = 1, 2, 3, 5, 6
-"""Columns of a signal row after its kinematic column: dynamic pressure ratio, airspeed, density, angle of attack, and
-whether a vane measured the first state."""
+PRESSURE_RATIO, AIRSPEED, DENSITY, ALTITUDE, ALPHA, VANE = 1, 2, 3, 4, 5, 6
+"""Columns of a signal row after its kinematic column: dynamic pressure ratio, airspeed, density, altitude, angle of
+attack, and whether a vane measured the first state."""
 
 ACCELERATION, TURN, PATH = 0, 1, 2
 """Gust states, after the states of the mode: angular acceleration of the first rate that nothing measures, above all by
@@ -272,7 +273,7 @@ class Window(NamedTuple):
     """The last signal rows, kept to be linearised again about better values."""
 
     rows: NDArray[np.float32]
-    """(n, WINDOW_ROWS, columns): signal rows, in the time's place the time since the row before, s."""
+    """(n, WINDOW_ROWS, columns kept): signal rows as ``window.remember`` keeps them."""
     filled: Counts
     """(n,): rows in it, or more if they did not fit."""
     middle: Counts

@@ -1,14 +1,17 @@
 """The filter's window of recent signal rows, and its checkpoints: what ``relinearise`` runs again is kept here."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.estimators.ekf.state import ACCELERATION, NEWEST, TIME, EkfState
+from wingwatch.estimators.ekf.state import ACCELERATION, ALPHA, ALTITUDE, NEWEST, TIME, VANE, EkfState
 from wingwatch.kernels.copying import copy_into
 from wingwatch.kernels.decorators import helper, part, whole
 
 __all__ = [
     "FIRST",
+    "NOT_KEPT",
     "SOLUTIONS",
     "WINDOW_ROWS",
     "advance_checkpoints",
@@ -29,6 +32,9 @@ WINDOW_ROWS = 640
 _LONG_ROWS, _LONG_S = 600, 12.0
 """A window of so many rows or so much time is cut at its second checkpoint; that is set at half of it."""
 
+NOT_KEPT = 2
+"""Columns of a signal row that are not kept (``_is_kept``)."""
+
 SOLUTIONS = 64
 """Solutions within a window that are kept at most."""
 
@@ -36,37 +42,61 @@ FIRST, SECOND = np.int64(0), np.int64(1)
 """The checkpoints of a window. Not Python's integers: for each of them a kernel would be compiled anew."""
 
 
-@whole
-def remember(signals, lanes, complete, state_rows, rows, filled):  # type: ignore[no-untyped-def]
-    """Complete rows (the first ``complete`` columns finite) join the window; beyond its size they are counted.
+@part
+def _is_kept(c, kinematic):  # type: ignore[no-untyped-def]
+    """Whether a column of a signal row is kept: not the altitude, which the filter only reports, nor whether there was
+    a vane, which the sign of the time says."""
+    return c != kinematic + ALTITUDE and c != kinematic + VANE
 
-    In single precision, finer than any sensor resolves, the time since the row before in the place of the time.
-    ``lanes`` of the signals; ``state_rows`` of ``EkfState``, before the filter takes the signals in; ``rows`` and
-    ``filled`` of ``Window``.
+
+@whole
+def remember(signals, lanes, kinematic, state_rows, rows, filled):  # type: ignore[no-untyped-def]
+    """Complete rows join the window; beyond its size they are counted.
+
+    In single precision, finer than any sensor resolves. In the time's place stands the time since the row before,
+    negative where no vane measured.
+
+    Args:
+        signals: (vehicles, samples, columns), of ``lanes``.
+        kinematic: column of the kinematic term; a row is complete where all up to the angle of attack are finite.
+        state_rows: of ``EkfState``, before the filter takes the signals in.
+        rows, filled: of ``Window``.
     """
     for m in range(lanes.place.size):
         i = lanes.place[m]
         before = state_rows[i, NEWEST, TIME]
         for k in range(lanes.counts[m]):
             finite = True
-            for c in range(complete):
+            for c in range(kinematic + ALPHA):
                 finite = finite and np.isfinite(signals[m, k, c])
             if not finite:
                 continue
-            r = filled[i]
+            r, kept = filled[i], 1
             if r < rows.shape[1]:
                 for c in range(1, signals.shape[2]):
-                    rows[i, r, c] = signals[m, k, c]
+                    if _is_kept(c, kinematic):
+                        rows[i, r, kept] = signals[m, k, c]
+                        kept += 1
                 since = signals[m, k, TIME] - before
-                rows[i, r, TIME] = since if np.isfinite(since) else 0.0
+                since = since if np.isfinite(since) else 0.0
+                rows[i, r, TIME] = math.copysign(since, signals[m, k, kinematic + VANE] - 0.5)
             before = signals[m, k, TIME]
             filled[i] += 1
 
 
-def recalled(rows: NDArray[np.float32], before_s: float) -> Array:
-    """Rows of the window as the filter takes them, (rows, columns); ``before_s``: time of the row before them."""
-    signals = rows.astype(np.float64)
-    signals[:, TIME] = np.cumsum(signals[:, TIME]) + (before_s if np.isfinite(before_s) else 0.0)
+def recalled(rows: NDArray[np.float32], before_s: float, kinematic: int) -> Array:
+    """Rows of the window as the filter takes them, (rows, columns); the altitude is 0.
+
+    Args:
+        rows: (rows, columns kept); before_s: time of the row before them.
+        kinematic: column of the kinematic term.
+    """
+    signals, altitude, vane = np.zeros((len(rows), rows.shape[1] + 2)), kinematic + ALTITUDE, kinematic + VANE
+    signals[:, :altitude], signals[:, altitude + 1 : vane] = rows[:, :altitude], rows[:, altitude : vane - 1]
+    signals[:, vane + 1 :] = rows[:, vane - 1 :]
+    signals[:, vane] = ~np.signbit(rows[:, TIME])
+    since = np.abs(rows[:, TIME], dtype=np.float64)
+    signals[:, TIME] = np.cumsum(since) + (before_s if np.isfinite(before_s) else 0.0)
     return signals
 
 

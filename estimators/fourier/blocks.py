@@ -10,12 +10,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.estimators.fourier.air import advance_air, air_channels
-from wingwatch.estimators.fourier.bank import advance_bank, bank_channels
-from wingwatch.estimators.fourier.change import (
+from wingwatch.estimators.evidence.chance import beyond_chance
+from wingwatch.estimators.evidence.change import (
     ChangeWorkspace,
     change_workspace,
 )
+from wingwatch.estimators.evidence.dispersion import DispersionWorkspace, dispersion_workspace
+from wingwatch.estimators.fourier.air import advance_air, air_channels
+from wingwatch.estimators.fourier.bank import advance_bank, bank_channels
 from wingwatch.estimators.fourier.change_search import (
     NO_CHANGE,
     cut_after,
@@ -29,7 +31,6 @@ from wingwatch.estimators.fourier.checkpoints import (
 )
 from wingwatch.estimators.fourier.closing import (
     believe_inputs,
-    beyond_chance,
     close,
     note_signal,
     rolls_by_air,
@@ -66,7 +67,6 @@ from wingwatch.estimators.fourier.state import (
     Memory,
 )
 from wingwatch.estimators.kernels.apart import apart
-from wingwatch.estimators.kernels.dispersion import DispersionWorkspace, dispersion_workspace
 from wingwatch.estimators.kernels.intersample import frames_of, means_of_rows
 from wingwatch.estimators.kernels.reading_noise import follow_reading, forget_readings
 from wingwatch.kernels.by_address import one_vehicle

@@ -6,14 +6,15 @@ of ``blocks``.
 
 import numpy as np
 
-from wingwatch.estimators.fourier.air import rebase_products
-from wingwatch.estimators.fourier.change import (
+from wingwatch.estimators.evidence.change import (
     CHANGE_LOG_THRESHOLD,
     change_of,
     changed_derivatives,
     inflate_covariance,
     spread_of_change,
 )
+from wingwatch.estimators.evidence.dispersion import disperse
+from wingwatch.estimators.fourier.air import rebase_products
 from wingwatch.estimators.fourier.checkpoints import (
     CHECKPOINTS,
     copy_bank,
@@ -26,7 +27,6 @@ from wingwatch.estimators.fourier.condition import gather_condition
 from wingwatch.estimators.fourier.misfit import misfit_dispersions
 from wingwatch.estimators.fourier.solution import ALONE, remembered, solve_block
 from wingwatch.estimators.fourier.state import CONDITION, LAST, START, TIME, Linearisation, Prior
-from wingwatch.estimators.kernels.dispersion import disperse
 from wingwatch.kernels.decorators import part
 
 __all__ = ["NO_CHANGE", "cut_after", "cut_before", "find_change", "let_change"]

@@ -6,8 +6,15 @@ that of ``blocks``.
 
 import math
 
+from wingwatch.estimators.evidence.chance import beyond_chance
+from wingwatch.estimators.evidence.dispersion import (
+    DISPERSION,
+    disperse,
+    dispersion_of,
+    gather_scatter,
+)
 from wingwatch.estimators.fourier.checkpoints import copy_matrix, copy_vector
-from wingwatch.estimators.fourier.coherence import coherent_dispersion
+from wingwatch.estimators.fourier.coherence import dispersion_of_bins
 from wingwatch.estimators.fourier.condition import mean_condition
 from wingwatch.estimators.fourier.memory import discount, replace
 from wingwatch.estimators.fourier.noise_levels import AIR_MEMORY, INPUT_RESOLUTION, start_noise
@@ -34,28 +41,18 @@ from wingwatch.estimators.fourier.state import (
     Memory,
     Prior,
 )
-from wingwatch.estimators.kernels.dispersion import (
-    DISPERSION,
-    disperse,
-    dispersion_of,
-    gather_scatter,
-)
 from wingwatch.estimators.kernels.reading_noise import reading_variance
 from wingwatch.estimators.kernels.symmetric import invert
 from wingwatch.kernels.decorators import lean, part
 
 __all__ = [
     "believe_inputs",
-    "beyond_chance",
     "close",
     "noise_of_block",
     "note_signal",
     "rolls_by_air",
     "what_is_known",
 ]
-
-CHANCE = 4.0
-"""Standard deviations beyond which a difference is no chance: once in 30,000 blocks."""
 
 MOST_ROLL = 1.25
 """Power of the roll that surfaces and gusts should cause, over that which is there, beyond which the derivatives by
@@ -103,13 +100,6 @@ def _outweighs(block, memory):  # type: ignore[no-untyped-def]
     for a in range(block.shape[0]):
         more = more or block[a, a] > memory[a, a]
     return more
-
-
-@lean
-def beyond_chance(distance, k):  # type: ignore[no-untyped-def]
-    """Whether a sum of k squares of standard normal numbers is so large by no chance (Wilson and Hilferty 1931)."""
-    part = 2.0 / (9.0 * k)
-    return distance > k * (1.0 - part + CHANCE * math.sqrt(part)) ** 3
 
 
 @part
@@ -287,7 +277,7 @@ def _disperse_more(progress, columns):  # type: ignore[no-untyped-def]
     errs in all of them alike, and what goes with the motion does not show what differs from block to block."""
     for e in range(progress.dispersion.size):
         scattered = dispersion_of(progress.scatter[e])
-        progress.dispersion[e] = max(scattered, coherent_dispersion(progress.coherence[e], columns))
+        progress.dispersion[e] = max(scattered, dispersion_of_bins(progress.coherence[e], columns))
 
 
 @part

@@ -3,10 +3,10 @@
 Derivation and symbols: ``docs/methods/fourier.md`` section 8. Arrays are those of one vehicle.
 """
 
-from wingwatch.estimators.kernels.dispersion import PRIOR_FREEDOM
+from wingwatch.estimators.evidence.dispersion import coherent_dispersion
 from wingwatch.kernels.decorators import lean
 
-__all__ = ["coherent_dispersion", "gather_coherence"]
+__all__ = ["dispersion_of_bins", "gather_coherence"]
 
 REAL, IMAGINARY, VARIANCE = range(3)
 """Of a bin: products of residual and motion summed over blocks, and the variance that noise gives them."""
@@ -45,7 +45,7 @@ def gather_coherence(transforms, plant, work, keep, coherence):  # type: ignore[
 
 
 @lean
-def coherent_dispersion(sums, columns):  # type: ignore[no-untyped-def]
+def dispersion_of_bins(sums, columns):  # type: ignore[no-untyped-def]
     """Power of one equation's products over that which noise gives them, at least one, (docs (32b)).
 
     Args:
@@ -59,6 +59,4 @@ def coherent_dispersion(sums, columns):  # type: ignore[no-untyped-def]
         squares += sums[VARIANCE, f] ** 2
     if not squares > 0.0:
         return 1.0
-    freedom = 2.0 * expected * expected / squares
-    left = max(freedom - columns, 0.0)
-    return max((PRIOR_FREEDOM + freedom * found / expected) / (PRIOR_FREEDOM + left), 1.0)
+    return coherent_dispersion(found, expected, 2.0 * expected * expected / squares, 1.0 * columns)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from wingwatch.estimators.fourier.bank import NUISANCE
 from wingwatch.estimators.fourier.between import rate_of
 from wingwatch.estimators.fourier.checkpoints import copy_matrix
-from wingwatch.estimators.fourier.nuisance import prior_of
+from wingwatch.estimators.fourier.nuisance import RUN, prior_of
 from wingwatch.estimators.fourier.state import LAST, START
 from wingwatch.kernels.decorators import lean
 
@@ -71,72 +71,77 @@ def responses(omega, rows, plant, transforms):  # type: ignore[no-untyped-def]
 
 
 @lean
-def _product_sums(real, imaginary, weight):  # type: ignore[no-untyped-def]
-    """Sums over bins of Re P Re W and of Im P Im W."""
-    even = odd = 0.0
-    for f in range(real.size):
-        even += real[f] * weight[0, f]
-        odd += imaginary[f] * weight[1, f]
-    return even, odd
-
-
-@lean
-def _normal_matrix(bank, weights, columns, ns, nd, product, normal):  # type: ignore[no-untyped-def]
-    """M, the wanted columns of every equation first, then the nuisance ones of every row: the products of the first
-    so many columns with all that there are."""
-    rows, nc, m_full, variances = weights.shape[0], nd + NUISANCE, normal.matrix, normal.variances
-    real, imaginary = product[0], product[1]
-    for c in range(columns):
-        x, y = bank[c if c < ns else c + 1, 0], bank[c if c < ns else c + 1, 1]
-        for d in range(c, nc):
-            u, v = bank[d if d < ns else d + 1, 0], bank[d if d < ns else d + 1, 1]
-            for f in range(real.size):
-                real[f] = x[f] * u[f] + y[f] * v[f]
-                imaginary[f] = x[f] * v[f] - y[f] * u[f]
-            for k in range(rows):
-                for m in range(k, rows):
-                    first = _has(variances, k, c, ns, nd) and _has(variances, m, d, ns, nd)
-                    second = _has(variances, k, d, ns, nd) and _has(variances, m, c, ns, nd)
-                    if not (first or second):
-                        continue
-                    even, odd = _product_sums(real, imaginary, weights[k, m])
-                    if first:
-                        kc, md = _column(k, c, ns, nd), _column(m, d, ns, nd)
-                        m_full[kc, md] = m_full[md, kc] = even - odd
-                    if second:
-                        kd, mc = _column(k, d, ns, nd), _column(m, c, ns, nd)
-                        m_full[kd, mc] = m_full[mc, kd] = even + odd
-
-
-@lean
-def _has(variances, row, c, ns, nd):  # type: ignore[no-untyped-def]
-    """Whether a row has column c: derivatives are in the equations, of nuisance columns there are those that may be
+def _note_columns(ns, nd, normal):  # type: ignore[no-untyped-def]
+    """Which columns each row has: derivatives are in the equations, of nuisance columns there are those that may be
     more than nothing."""
-    return row < ns if c < nd else variances[row, c - nd] > 0.0
+    variances = normal.variances
+    for k in range(variances.shape[0]):
+        n = 0
+        for c in range(nd if k < ns else 0):
+            normal.channels[k, n], normal.columns[k, n] = c if c < ns else c + 1, k * nd + c
+            n += 1
+        for c in range(NUISANCE):
+            if variances[k, c] > 0.0:
+                normal.channels[k, n], normal.columns[k, n] = nd + 1 + c, ns * nd + NUISANCE * k + c
+                n += 1
+        normal.held[k] = n
+        for c in range(n, n + RUN):
+            normal.channels[k, c], normal.columns[k, c] = normal.channels[k, n - 1], normal.columns[k, n - 1]
 
 
 @lean
-def _column(row, c, ns, nd):  # type: ignore[no-untyped-def]
-    """Place of column c of a row among all columns."""
-    return row * nd + c if c < nd else ns * nd + NUISANCE * row + c - nd
+def _dots(bank, product, channels, c, dots):  # type: ignore[no-untyped-def]
+    """Sums over bins of Re(x' P) of ``RUN`` columns x, those of ``channels`` from c on, and one product (2, bins)."""
+    i, j, k, m = channels[c], channels[c + 1], channels[c + 2], channels[c + 3]
+    first = second = third = fourth = 0.0
+    for part in range(2):
+        values, x, y, z, w = product[part], bank[i, part], bank[j, part], bank[k, part], bank[m, part]
+        for f in range(values.size):
+            value = values[f]
+            first += x[f] * value
+            second += y[f] * value
+            third += z[f] * value
+            fourth += w[f] * value
+    dots[0], dots[1], dots[2], dots[3] = first, second, third, fourth
 
 
 @lean
-def _right_side(bank, weights, response, ns, nd, product, normal):  # type: ignore[no-untyped-def]
-    """b = sum Re(R' W y), ordered as ``_normal_matrix``."""
-    b_full, variances = normal.vector, normal.variances
+def _products(bank, weights, ns, nd, wanted, product, normal):  # type: ignore[no-untyped-def]
+    """M = sum Re(R' W R) of all columns; of ``wanted`` ones alone, their products with all that there are.
+
+    M is symmetric, and of each pair of columns one order is computed.
+    """
+    rows, matrix, dots = weights.shape[0], normal.matrix, normal.dots
+    real, imaginary = product[0], product[1]
+    for m in range(ns if wanted else rows):
+        for k in range(rows if wanted else m + 1):
+            a, b = weights[k, m, 0], weights[k, m, 1]
+            begin = nd if m < k < ns else 0
+            for d in range(nd if wanted else normal.held[m]):
+                u, v = bank[normal.channels[m, d], 0], bank[normal.channels[m, d], 1]
+                for f in range(real.size):
+                    real[f] = a[f] * u[f] - b[f] * v[f]
+                    imaginary[f] = a[f] * v[f] + b[f] * u[f]
+                own = normal.columns[m, d]
+                end = d + 1 if k == m and not wanted else normal.held[k]
+                for c in range(begin, end, RUN):
+                    _dots(bank, product, normal.channels[k], c, dots)
+                    for j in range(RUN):
+                        other = normal.columns[k, c + j]
+                        matrix[other, own] = matrix[own, other] = dots[min(j, normal.held[k] - 1 - c)]
+
+
+@lean
+def _right_side(bank, weights, response, product, normal):  # type: ignore[no-untyped-def]
+    """b = sum Re(R' W y), ordered as M."""
+    vector, dots = normal.vector, normal.dots
     for k in range(weights.shape[0]):
         product[:, :] = 0.0
         _add_weighted(weights[k], response, product)
-        real, imaginary = product[0], product[1]
-        for c in range(nd + NUISANCE):
-            if not _has(variances, k, c, ns, nd):
-                continue
-            x, y = bank[c if c < ns else c + 1, 0], bank[c if c < ns else c + 1, 1]
-            total = 0.0
-            for f in range(real.size):
-                total += x[f] * real[f] + y[f] * imaginary[f]
-            b_full[_column(k, c, ns, nd)] = total
+        for c in range(0, normal.held[k], RUN):
+            _dots(bank, product, normal.channels[k], c, dots)
+            for j in range(min(RUN, normal.held[k] - c)):
+                vector[normal.columns[k, c + j]] = dots[j]
 
 
 @lean
@@ -164,12 +169,13 @@ def normal_equations(sides, plant, fraction, weights, normal):  # type: ignore[n
     ns, nd = plant.derivatives.shape
     rows = weights.shape[0]
     bank, product = sides.regressors, sides.product
-    _normal_matrix(bank, weights, nd + NUISANCE, ns, nd, product, normal)
-    _right_side(bank, weights, sides.response, ns, nd, product, normal)
+    _note_columns(ns, nd, normal)
+    _products(bank, weights, ns, nd, False, product, normal)
+    _right_side(bank, weights, sides.response, product, normal)
     for k in range(rows):
         for c in range(NUISANCE):
             if normal.variances[k, c] > 0.0:
-                place = _column(k, nd + c, ns, nd)
+                place = ns * nd + NUISANCE * k + c
                 normal.matrix[place, place] += prior_of(normal.variances[k, c], fraction)
 
 
@@ -189,8 +195,8 @@ def with_other_regressors(sides, plant, weights, whole, normal):  # type: ignore
     """
     ns, nd = plant.derivatives.shape
     copy_matrix(whole.matrix, normal.matrix)
-    _normal_matrix(sides.regressors, weights, nd, ns, nd, sides.product, normal)
-    _right_side(sides.regressors, weights, sides.response, ns, nd, sides.product, normal)
+    _products(sides.regressors, weights, ns, nd, True, sides.product, normal)
+    _right_side(sides.regressors, weights, sides.response, sides.product, normal)
     normal.vector[ns * nd :] = 0.0
 
 

@@ -57,18 +57,24 @@ def condition_on_last(weights):  # type: ignore[no-untyped-def]
     """
     last = weights.shape[0] - 1
     for k in range(last):
-        for m in range(k, last):
-            for f in range(weights.shape[3]):
-                over = 1.0 / weights[last, last, 0, f]
-                a, b = weights[k, last, 0, f], weights[k, last, 1, f]
-                c, d = weights[m, last, 0, f], weights[m, last, 1, f]
-                weights[k, m, 0, f] -= (a * c + b * d) * over
-                weights[k, m, 1, f] -= (b * c - a * d) * over
-    for k in range(last):
-        for f in range(weights.shape[3]):
-            over = 1.0 / weights[last, last, 0, f]
-            weights[k, last, 0, f] *= over
-            weights[k, last, 1, f] *= over
+        a, b, own = weights[k, last, 0], weights[k, last, 1], weights[last, last, 0]
+        for f in range(own.size):
+            over = 1.0 / own[f]
+            a[f] *= over
+            b[f] *= over
+        real = weights[k, k, 0]
+        for f in range(own.size):
+            real[f] -= (a[f] * a[f] + b[f] * b[f]) * own[f]
+        for m in range(k + 1, last):
+            c, d, real, imaginary = (
+                weights[m, last, 0],
+                weights[m, last, 1],
+                weights[k, m, 0],
+                weights[k, m, 1],
+            )
+            for f in range(own.size):
+                real[f] -= a[f] * c[f] + b[f] * d[f]
+                imaginary[f] -= b[f] * c[f] - a[f] * d[f]
 
 
 @lean
@@ -78,18 +84,27 @@ def join_last(weights):  # type: ignore[no-untyped-def]
     ``weights``: (rows, rows, 2, bins), real and imaginary parts.
     """
     last = weights.shape[0] - 1
-    for f in range(weights.shape[3]):
-        own = 1.0 / weights[last, last, 0, f]
-        for k in range(last):
-            # W_kl = -sum_m W_km g_m, g the regression; W_ll = 1 / S_ll + g' W g.
-            real = imaginary = 0.0
-            for m in range(last):
-                a, b = weights[k, m, 0, f], weights[k, m, 1, f]
-                c, d = weights[m, last, 0, f], weights[m, last, 1, f]
-                real += a * c - b * d
-                imaginary += a * d + b * c
-            weights[last, k, 0, f], weights[last, k, 1, f] = -real, imaginary
-            own += weights[k, last, 0, f] * real + weights[k, last, 1, f] * imaginary
-        for k in range(last):
+    own = weights[last, last, 0]
+    for f in range(own.size):
+        own[f] = 1.0 / own[f]
+    for k in range(last):
+        # W_kl = -sum_m W_km g_m, g the regression; W_ll = 1 / S_ll + g' W g.
+        real, imaginary, x, y = (
+            weights[last, k, 0],
+            weights[last, k, 1],
+            weights[k, last, 0],
+            weights[k, last, 1],
+        )
+        for f in range(own.size):
+            real[f] = imaginary[f] = 0.0
+        for m in range(last):
+            a, b, c, d = weights[k, m, 0], weights[k, m, 1], weights[m, last, 0], weights[m, last, 1]
+            for f in range(own.size):
+                real[f] -= a[f] * c[f] - b[f] * d[f]
+                imaginary[f] += a[f] * d[f] + b[f] * c[f]
+        for f in range(own.size):
+            own[f] += y[f] * imaginary[f] - x[f] * real[f]
+    for k in range(last):
+        for f in range(own.size):
             weights[k, last, 0, f], weights[k, last, 1, f] = weights[last, k, 0, f], -weights[last, k, 1, f]
-        weights[last, last, 0, f], weights[last, last, 1, f] = own, 0.0
+            weights[last, last, 1, f] = 0.0

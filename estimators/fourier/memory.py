@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.estimators.fourier.forgetting import ForgettingWorkspace, forgetting_workspace, replaced
+from wingwatch.estimators.evidence.forgetting import ForgettingWorkspace, forgetting_workspace, replaced
 from wingwatch.estimators.kernels.symmetric import congruence
 from wingwatch.kernels.decorators import lean
 

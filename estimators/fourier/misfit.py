@@ -3,7 +3,7 @@
 Derivation and symbols: ``docs/methods/fourier.md`` section 10, (37a) and (37b). Arrays are those of one vehicle.
 """
 
-from wingwatch.estimators.kernels.dispersion import CHI_SQUARE, DISPERSION, FREEDOM
+from wingwatch.estimators.evidence.dispersion import CHI_SQUARE, DISPERSION, FREEDOM
 from wingwatch.kernels.decorators import lean
 
 __all__ = ["misfit_dispersions"]
@@ -48,7 +48,7 @@ def misfit_dispersions(theta, scatter, work, dispersions):  # type: ignore[no-un
         theta: (k,) derivatives at which the window was linearised.
         scatter: (equations, 3) of the blocks so far.
         work: ``SolutionWorkspace`` of the window's solution.
-        dispersions: (equations, 3), as ``kernels.dispersion.disperse`` takes them.
+        dispersions: (equations, 3), as ``evidence.dispersion.disperse`` takes them.
     """
     for k in range(dispersions.shape[0]):
         ratio = _signal_to_noise(k, theta, work)

@@ -108,6 +108,7 @@ class NoiseWorkspace(NamedTuple):
         caused: (states, 2, bins) weighted residual by a unit of one motion of the air.
         at_ends: (states,) of ``driven_motion.roll_shared_at_ends``; begun: (states, states + 1, 2, 1) workspace.
         at_rest: (1,) the frequency zero.
+        lines: (sensors, rows, 2) a and b of the sensors' transfer a + s b.
     """
 
     transfer: NDArray[np.float64]
@@ -132,6 +133,7 @@ class NoiseWorkspace(NamedTuple):
     at_ends: NDArray[np.float64]
     begun: NDArray[np.float64]
     at_rest: NDArray[np.float64]
+    lines: NDArray[np.float64]
 
 
 def noise_workspace(states: int, inputs: int, rows: int, bins: int) -> NoiseWorkspace:
@@ -159,6 +161,7 @@ def noise_workspace(states: int, inputs: int, rows: int, bins: int) -> NoiseWork
         np.zeros(states),
         np.zeros((states, states + 1, 2, 1)),
         np.zeros(1),
+        np.zeros((states + 1 + inputs, rows, 2)),
     )
 
 
@@ -192,8 +195,9 @@ def channel_variance(noise, j, ns):  # type: ignore[no-untyped-def]
 
 
 @lean
-def _transfer_of_sensors(omega, plant, transfer):  # type: ignore[no-untyped-def]
-    """L of states, accelerometer and inputs: lines in s, a + s b, (docs (7))."""
+def _transfer_of_sensors(omega, plant, work):  # type: ignore[no-untyped-def]
+    """L of states, accelerometer and inputs: lines in s, a + s b, (docs (7)); a and b into ``work.lines``."""
+    transfer, lines = work.transfer, work.lines
     ns, nd = plant.derivatives.shape
     rows = transfer.shape[1]
     for j in range(nd + 1):
@@ -215,6 +219,7 @@ def _transfer_of_sensors(omega, plant, transfer):  # type: ignore[no-untyped-def
                 flat = -plant.forward_speed[j]
             elif j == ns:
                 flat = -1.0
+            lines[j, k, 0], lines[j, k, 1] = flat, rate
             real, imaginary = transfer[j, k, 0], transfer[j, k, 1]
             for f in range(omega.size):
                 real[f] = flat
@@ -256,22 +261,31 @@ def _transfer_of_air(omega, plant, air, transfer):  # type: ignore[no-untyped-de
 
 
 @lean
-def _residual_covariance(noise, power, work):  # type: ignore[no-untyped-def]
-    """Upper triangle of power (L D L' + B D B' + Q + U) into ``work.weights``, (docs (10))."""
-    transfer, doubt, weights = work.transfer, work.doubt, work.weights
-    ns = doubt.shape[1]
+def _residual_covariance(omega, noise, power, work):  # type: ignore[no-untyped-def]
+    """Upper triangle of power (L D L' + B D B' + Q + U) into ``work.weights``, (docs (10)).
+
+    Of the sensors, whose transfers are lines a + s b, all bins have the same three sums: of a a, b b and b a - a b.
+    """
+    transfer, doubt, weights, shaped = work.transfer, work.doubt, work.weights, work.shaped
+    ns, sensors = doubt.shape[1], work.lines.shape[0]
     rows, bins = weights.shape[0], weights.shape[3]
     for k in range(rows):
         for m in range(k, rows):
             real, imaginary = weights[k, m, 0], weights[k, m, 1]
-            own = power * noise[ns + 1 + k] if k == m and k < ns else 0.0
+            flat, square, across = _sums_of_sensors(noise, ns, work.lines, k, m)
+            if k == m and k < ns:
+                flat += noise[ns + 1 + k]
+            turning = rolling = 0.0
+            if m < ns:
+                flat += doubt[0, k, m]
+                turning, rolling = power * doubt[1, k, m], power * doubt[2, k, m]
+            flat, square, across = power * flat, power * square, power * across
             for f in range(bins):
-                real[f] = own
-                imaginary[f] = 0.0
-            for e in range(doubt.shape[0] if m < ns else 0):
-                for f in range(bins):
-                    real[f] += power * doubt[e, k, m] * work.shaped[e, f]
-            for j in range(transfer.shape[0]):
+                real[f] = (
+                    flat + square * omega[f] * omega[f] + (turning * shaped[1, f] + rolling * shaped[2, f])
+                )
+                imaginary[f] = across * omega[f]
+            for j in range(sensors, transfer.shape[0]):
                 variance = power * channel_variance(noise, j, ns)
                 if variance == 0.0:
                     continue
@@ -280,6 +294,19 @@ def _residual_covariance(noise, power, work):  # type: ignore[no-untyped-def]
                 for f in range(bins):
                     real[f] += variance * (a[f] * c[f] + b[f] * d[f])
                     imaginary[f] += variance * (b[f] * c[f] - a[f] * d[f])
+
+
+@lean
+def _sums_of_sensors(noise, ns, lines, k, m):  # type: ignore[no-untyped-def]
+    """Over the sensors, of rows k and m: a a, b b and b a - a b, each times the sensor's variance."""
+    flat = square = across = 0.0
+    for j in range(lines.shape[0]):
+        variance = channel_variance(noise, j, ns)
+        a, b, c, d = lines[j, k, 0], lines[j, k, 1], lines[j, m, 0], lines[j, m, 1]
+        flat += variance * a * c
+        square += variance * b * d
+        across += variance * (b * c - a * d)
+    return flat, square, across
 
 
 @lean
@@ -292,19 +319,19 @@ def weigh(omega, plant, air, noise, power, work):  # type: ignore[no-untyped-def
         power: of white noise of unit variance in a bin.
         work: ``NoiseWorkspace``, its ``doubt`` as ``doubt_of`` leaves it; the rest is filled.
     """
-    _transfer_of_sensors(omega, plant, work.transfer)
+    _transfer_of_sensors(omega, plant, work)
     _transfer_of_air(omega, plant, air, work.transfer)
     for f in range(omega.size):
         work.shaped[1, f] = air.turn * air.turn / (1.0 + (omega[f] * air.turn_s) ** 2)
         work.shaped[2, f] = 1.0 / (1.0 + (omega[f] * air.roll_s) ** 2)
-    weigh_with_doubt(noise, power, work)
+    weigh_with_doubt(omega, noise, power, work)
 
 
 @lean
-def weigh_with_doubt(noise, power, work):  # type: ignore[no-untyped-def]
+def weigh_with_doubt(omega, noise, power, work):  # type: ignore[no-untyped-def]
     """The weight of every bin with another ``doubt`` than in the call of ``weigh`` before, all else as there."""
     weights, ns = work.weights, work.doubt.shape[1]
-    _residual_covariance(noise, power, work)
+    _residual_covariance(omega, noise, power, work)
     for f in range(work.determinant.size):
         work.determinant[f] = 1.0
     if weights.shape[0] > ns:

@@ -49,6 +49,9 @@ RIDGE = 1e-10
 NOTHING = 1e-20
 """Power of a trim column, relative to that of a ramp of one a second, below which it is rounding."""
 
+RUN = 4
+"""Columns that are taken at once: what they are multiplied by is read once for all of them."""
+
 TURN_STD, LAG_STD = 1.0, 0.7
 """Standard deviations of what a gust's gradient does over what the span says, and of the logarithm of its time
 constant: the span filter is that of a wing in a gust that varies along it, and a gust meets wing and tail apart."""
@@ -68,6 +71,10 @@ class NormalWorkspace(NamedTuple):
         crossed, rest: (q, p), (q, 1) root^-1 of their products with the derivatives' columns, and with the left side.
         solved: (q, 1) what they come out as, in units of their size.
         values: (rows, NUISANCE) what all come out as, 0 where there is no such column.
+        held: (rows,) how many columns each row has, wanted and nuisance ones.
+        channels, columns: (rows, RUN more than there may be) channel of each of these among the regressors, and its
+            place among all columns; the last one is repeated up to a whole ``RUN``.
+        dots: (RUN,) workspace.
     """
 
     matrix: NDArray[np.float64]
@@ -83,16 +90,22 @@ class NormalWorkspace(NamedTuple):
     rest: NDArray[np.float64]
     solved: NDArray[np.float64]
     values: NDArray[np.float64]
+    held: NDArray[np.int64]
+    channels: NDArray[np.int64]
+    columns: NDArray[np.int64]
+    dots: NDArray[np.float64]
 
 
 def normal_workspace(derivatives: int, rows: int) -> NormalWorkspace:
     """Memory for one structure."""
     p, q = derivatives, NUISANCE * rows
+    most = (rows, derivatives + NUISANCE + RUN)
     return NormalWorkspace(
         np.empty((p + q, p + q)), np.empty(p + q), np.empty((rows, NUISANCE)),
         np.empty(1, dtype=np.int64), np.empty(q, dtype=np.int64), np.empty(q),
         np.empty((q, q)), np.empty((q, q)), np.empty((q, q)),
         np.empty((q, p)), np.empty((q, 1)), np.empty((q, 1)), np.empty((rows, NUISANCE)),
+        np.zeros(rows, dtype=np.int64), np.zeros(most, dtype=np.int64), np.zeros(most, dtype=np.int64), np.zeros(RUN),
     )  # fmt: skip
 
 
@@ -202,15 +215,17 @@ def eliminate(normal, theta, scale, m, score):  # type: ignore[no-untyped-def]
         total = normal.vector[a]
         for b in range(p):
             total -= matrix[a, b] * theta[b] * scale[b]
+        for b in range(a + 1):
             m[a, b] = matrix[a, b]
         for b in range(n):
             total -= crossed[b, a] * rest[b, 0]
             factor = crossed[b, a]
-            for c in range(p):
+            for c in range(a + 1):
                 m[a, c] -= factor * crossed[b, c]
         score[a] = total * scale[a]
-        for b in range(p):
+        for b in range(a + 1):
             m[a, b] *= scale[a] * scale[b]
+            m[b, a] = m[a, b]
 
 
 @lean
@@ -278,32 +293,21 @@ def fitted_columns(bank, first, normal, work):  # type: ignore[no-untyped-def]
         normal: of ``eliminate``.
         work: ``NoiseWorkspace``.
     """
-    fitted, count, places, size, inverse = (
-        work.fitted,
-        normal.number[0],
-        normal.places,
-        normal.size,
-        normal.inverse,
-    )
-    real, imaginary = work.common[0], work.common[1]
+    fitted, count, places, size = work.fitted, normal.number[0], normal.places, normal.size
+    common = work.common
     rows, bins = fitted.shape[0], fitted.shape[3]
     fitted[:, :, :, :] = 0.0
     for a in range(count):
-        k, x, y = (
-            places[a] // NUISANCE,
-            bank[first + places[a] % NUISANCE, 0],
-            bank[first + places[a] % NUISANCE, 1],
-        )
+        k, column = places[a] // NUISANCE, first + places[a] % NUISANCE
+        x, y, scale = bank[column, 0], bank[column, 1], 1.0 / size[a]
         b = 0
         for m in range(k + 1):
-            work.common[:, :] = 0.0
-            while b < count and places[b] // NUISANCE == m:
-                factor, column = inverse[a, b] / (size[a] * size[b]), first + places[b] % NUISANCE
-                u, v = bank[column, 0], bank[column, 1]
-                for f in range(bins):
-                    real[f] += factor * u[f]
-                    imaginary[f] += factor * v[f]
-                b += 1
+            end = b
+            while end < count and places[end] // NUISANCE == m:
+                end += 1
+            _combined(bank, first, normal, (a, b, end, scale), common)
+            b = end
+            real, imaginary = common[0], common[1]
             to_real, to_imaginary = fitted[k, m, 0], fitted[k, m, 1]
             for f in range(bins):
                 to_real[f] += x[f] * real[f] + y[f] * imaginary[f]
@@ -315,22 +319,56 @@ def fitted_columns(bank, first, normal, work):  # type: ignore[no-untyped-def]
 
 
 @lean
+def _combined(bank, first, normal, which, out):  # type: ignore[no-untyped-def]
+    """Nuisance columns b to ``end`` of a row, each times what the inverse has of it and column a: (2, bins).
+
+    ``which``: a, b, end, and one over the size of a.
+    """
+    a, begin, end, scale = which
+    places, size, inverse = normal.places, normal.size, normal.inverse
+    for part in range(2):
+        for f in range(out.shape[1]):
+            out[part, f] = 0.0
+    for b in range(begin, end, RUN):
+        p, q, r = min(b + 1, end - 1), min(b + 2, end - 1), min(b + 3, end - 1)
+        by_b = scale * inverse[a, b] / size[b]
+        by_p = scale * inverse[a, p] / size[p] if b + 1 < end else 0.0
+        by_q = scale * inverse[a, q] / size[q] if b + 2 < end else 0.0
+        by_r = scale * inverse[a, r] / size[r] if b + 3 < end else 0.0
+        for part in range(2):
+            to = out[part]
+            u, v = bank[first + places[b] % NUISANCE, part], bank[first + places[p] % NUISANCE, part]
+            w, x = bank[first + places[q] % NUISANCE, part], bank[first + places[r] % NUISANCE, part]
+            for f in range(to.size):
+                to[f] += (by_b * u[f] + by_p * v[f]) + (by_q * w[f] + by_r * x[f])
+
+
+@lean
 def reduce_weights(weights, work):  # type: ignore[no-untyped-def]
     """W - W P W / 2 in place: what fitting the nuisance columns leaves of the weights, (docs (19)).
 
-    The columns' values are real, and a bin has two real parts.
+    The columns' values are real, and a bin has two real parts. W, P and what is left are Hermitian.
 
     Args:
         weights: (rows, rows, 2, bins), in place.
         work: ``NoiseWorkspace``, after ``fitted_columns``.
     """
-    _multiply(weights, work.fitted, work.half)
-    _multiply(work.half, weights, work.taken)
-    for k in range(weights.shape[0]):
-        for m in range(weights.shape[0]):
-            for part in range(2):
-                for f in range(weights.shape[3]):
-                    weights[k, m, part, f] -= 0.5 * work.taken[k, m, part, f]
+    rows, half, taken = weights.shape[0], work.half, work.taken
+    for k in range(rows):
+        for m in range(rows):
+            _row_times_column(weights[k], work.fitted, m, half[k, m])
+    for k in range(rows):
+        for m in range(k, rows):
+            _row_times_column(half[k], weights, m, taken[k, m])
+    for k in range(rows):
+        for m in range(k, rows):
+            a, b, x, y = weights[k, m, 0], weights[k, m, 1], taken[k, m, 0], taken[k, m, 1]
+            for f in range(a.size):
+                a[f] -= 0.5 * x[f]
+                b[f] -= 0.5 * y[f]
+            if m > k:
+                for f in range(a.size):
+                    weights[m, k, 0, f], weights[m, k, 1, f] = a[f], -b[f]
 
 
 @lean
@@ -353,16 +391,17 @@ def bins_left(work):  # type: ignore[no-untyped-def]
 
 
 @lean
-def _multiply(left, right, out):  # type: ignore[no-untyped-def]
-    """Products of complex matrices, bin by bin, (rows, rows, 2, bins)."""
-    rows, bins = left.shape[0], left.shape[3]
-    for k in range(rows):
-        for m in range(rows):
-            real, imaginary = out[k, m, 0], out[k, m, 1]
-            for f in range(bins):
-                real[f] = imaginary[f] = 0.0
-            for j in range(rows):
-                a, b, x, y = left[k, j, 0], left[k, j, 1], right[j, m, 0], right[j, m, 1]
-                for f in range(bins):
-                    real[f] += a[f] * x[f] - b[f] * y[f]
-                    imaginary[f] += a[f] * y[f] + b[f] * x[f]
+def _row_times_column(row, matrix, m, out):  # type: ignore[no-untyped-def]
+    """A row (rows, 2, bins) of a complex matrix times column m of another, bin by bin, two products at a time."""
+    real, imaginary = out[0], out[1]
+    rows = row.shape[0]
+    for f in range(real.size):
+        real[f] = imaginary[f] = 0.0
+    for j in range(0, rows, 2):
+        other, more = min(j + 1, rows - 1), 1.0 if j + 1 < rows else 0.0
+        a, b, x, y = row[j, 0], row[j, 1], matrix[j, m, 0], matrix[j, m, 1]
+        c, d, u, v = row[other, 0], row[other, 1], matrix[other, m, 0], matrix[other, m, 1]
+        for f in range(real.size):
+            first, second = a[f] * x[f] - b[f] * y[f], a[f] * y[f] + b[f] * x[f]
+            real[f] += first + more * (c[f] * u[f] - d[f] * v[f])
+            imaginary[f] += second + more * (c[f] * v[f] + d[f] * u[f])

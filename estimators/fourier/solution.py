@@ -286,7 +286,7 @@ def _form(model, block, at, power, fraction, work, found):  # type: ignore[no-un
         copy_bank(weighing.weights[k], weighing.sure[k])
     doubt_of(at.covariance, scale, plant, noise, weighing.doubt)
     doubt_of_courses(sums, plant, weighing.doubt[0])
-    weigh_with_doubt(noise, power, weighing)
+    weigh_with_doubt(omega, noise, power, weighing)
     driven_motions(omega, plant, weighing)
     responses(omega, rows, plant, transforms)
     present_regressors(model, block, plant, air, weighing.believed, transforms)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft import ModeStructure, natural_frequency_and_damping, state_matrix
-from wingwatch.estimators.batch.fit import channel_fit
+from wingwatch.estimators.offline.fit import channel_fit
 from wingwatch.simulation import linear_response, state_rates
 from wingwatch.studies.thesis.methods import (
     BAND_HZ,

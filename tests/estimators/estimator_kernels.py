@@ -9,10 +9,11 @@ import numpy as np
 from numba.core.registry import CPUDispatcher
 from numpy.typing import NDArray
 
+from wingwatch.estimators.evidence import change
+from wingwatch.estimators.evidence.forgetting import forgetting_workspace, replaced
 from wingwatch.estimators.fourier import bank as transforms
-from wingwatch.estimators.fourier import between, change, checkpoints
+from wingwatch.estimators.fourier import between, checkpoints
 from wingwatch.estimators.fourier.directions import directions_workspace, reduce_information
-from wingwatch.estimators.fourier.forgetting import forgetting_workspace, replaced
 from wingwatch.estimators.fourier.solution import zero_memory
 from wingwatch.estimators.fourier.state import (
     Block,

@@ -24,7 +24,7 @@ from reference_plant import PLANTS
 from tracking import CHANGED, follow_step, stepped_truth
 
 from wingwatch.estimators import FourierEstimator, FourierState
-from wingwatch.estimators.fourier.change import CHANGE_LOG_THRESHOLD, WITH_ANOTHER
+from wingwatch.estimators.evidence.change import CHANGE_LOG_THRESHOLD, WITH_ANOTHER
 from wingwatch.estimators.fourier.state import Block, Memory
 
 SIZE = np.array([4.0, 25.0, 2.0, 4.0, 6.0, 32.0])

@@ -4,7 +4,7 @@ import numpy as np
 from estimator_plants import PITCH, Array, add_noise, doublets, ekf, make_signals
 
 from wingwatch.estimators import EkfState, SignalLayout
-from wingwatch.estimators.ekf.coherence import coherent_dispersion, no_coherence
+from wingwatch.estimators.ekf.coherence import coherent_dispersions, no_coherence
 from wingwatch.estimators.ekf.scatter import dispersion_before, stated_dispersions
 
 LATE = 3
@@ -65,11 +65,11 @@ def test_sums_by_chance_give_one_and_a_known_misfit_its_power() -> None:
     # A ratio of some two degrees of freedom has a variance of about one; 300 of them.
     assert abs(np.mean(found) - 1.0) < 4.0 * np.std(found) / np.sqrt(300.0)
     out = np.empty(1)
-    coherent_dispersion(no_coherence(1, 1), 0, out)
+    coherent_dispersions(no_coherence(1, 1), 0, out)
     assert out[0] == 1.0
     one = no_coherence(1, 1)
     one.sums[0, 0] = 10.0
     one.products[0, 0] = np.eye(one.sums.shape[2])
-    coherent_dispersion(one, 0, out)
+    coherent_dispersions(one, 0, out)
     freedom = one.sums.shape[2]
     assert out[0] == (3.0 + freedom * 100.0) / (3.0 + freedom)

@@ -24,6 +24,7 @@ from reference_plant import PLANTS, cramer_rao, noise_std, noisy_scores
 
 from wingwatch.estimators import EkfEstimator, EkfState
 from wingwatch.estimators.ekf.covariance import reseat
+from wingwatch.estimators.ekf.state import ALTITUDE, VANE
 from wingwatch.estimators.ekf.window import WINDOW_ROWS, recalled
 
 Counts: TypeAlias = NDArray[np.int64]
@@ -127,9 +128,21 @@ def test_what_is_kept_of_the_rows_is_what_sensors_resolve() -> None:
         runner.update(state, batch[:, start : start + SOLVE_EVERY])
     whole = np.delete(batch[0], 3, axis=0)
     assert state.window.filled[0] == len(whole)
-    rows = recalled(state.window.rows[0, : len(whole)], batch[0, 0, 0])
+    kinematic = filter_of(runner).layout.kinematic
+    rows = recalled(state.window.rows[0, : len(whole)], batch[0, 0, 0], kinematic)
     np.testing.assert_allclose(np.diff(rows[:, 0]), np.diff(whole[:, 0]), atol=1e-6)
-    np.testing.assert_allclose(rows[:, 1:], whole[:, 1:], rtol=1e-6)
+    reported = [0, kinematic + ALTITUDE]  # the time, and what no estimate needs
+    np.testing.assert_allclose(np.delete(rows, reported, 1), np.delete(whole, reported, 1), rtol=1e-6)
+
+
+def test_rows_of_the_window_know_whether_there_was_a_vane() -> None:
+    runner, batch = ekf(PITCH), noisy_batch(PITCH, 1.0, 1)
+    kinematic = filter_of(runner).layout.kinematic
+    batch[0, 10:20, kinematic + VANE] = 0.0
+    state = state_of(runner.init(1))
+    runner.update(state, batch)
+    rows = recalled(state.window.rows[0, : batch.shape[1]], 0.0, kinematic)
+    np.testing.assert_array_equal(rows[:, kinematic + VANE], batch[0, :, kinematic + VANE])
 
 
 def test_a_reset_derivative_is_not_taught_by_what_came_before() -> None:

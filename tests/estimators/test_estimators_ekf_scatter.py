@@ -11,7 +11,7 @@ from situations import ekf
 
 from wingwatch.estimators import EkfConfig, EkfEstimator, Outcome
 from wingwatch.estimators.ekf.scatter import dispersed, wider_covariances
-from wingwatch.estimators.kernels.dispersion import FREEDOM
+from wingwatch.estimators.evidence.dispersion import FREEDOM
 
 PRIOR_STD = np.array([2.0, 3.0, 1.0, 4.0, 5.0, 20.0])
 

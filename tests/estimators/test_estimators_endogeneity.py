@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from wingwatch.estimators.batch.endogeneity import Difference, left_unexplained, may_be_off
+from wingwatch.estimators.offline.endogeneity import Difference, left_unexplained, may_be_off
 
 Array = NDArray[np.float64]
 

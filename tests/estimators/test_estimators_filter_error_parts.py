@@ -13,12 +13,12 @@ from situation_cases import CONDITIONS, SITUATIONS
 from situation_plants import Situation, fly_situation
 from situations import whole_manoeuvres
 
-from wingwatch.estimators.filter_error.discretisation import discretise, stationary_covariance
-from wingwatch.estimators.filter_error.innovations import Trace, empty_trace, innovations
-from wingwatch.estimators.filter_error.likelihood import Problem, evaluate, sensitivities
-from wingwatch.estimators.filter_error.scoring import solve
-from wingwatch.estimators.filter_error.surface import at_rest
-from wingwatch.estimators.filter_error.whole_flight import FilterErrorConfig, problem_of
+from wingwatch.estimators.offline.filter_error import FilterErrorConfig, problem_of
+from wingwatch.estimators.offline.innovations import Trace, empty_trace, innovations
+from wingwatch.estimators.offline.likelihood import Problem, evaluate, sensitivities
+from wingwatch.estimators.offline.scoring import solve
+from wingwatch.estimators.offline.surface import at_rest
+from wingwatch.estimators.plant.discretisation import discretise, stationary_covariance
 
 Array = NDArray[np.float64]
 
@@ -76,7 +76,7 @@ def test_innovations_are_those_of_filterpy() -> None:
     window = made.windows[0]
     p = made.prior.start
     system = made.model.system(p, window)
-    record = made.model.record(p, window, np.zeros(5))
+    record = made.model.record(window, np.zeros(5))
     trace = empty_trace(len(window), 3, system.covariance.shape[0])
     innovations(system, record, trace, False)
     peer = KalmanFilter(dim_x=system.covariance.shape[0], dim_z=1)
@@ -85,12 +85,13 @@ def test_innovations_are_those_of_filterpy() -> None:
     found = np.zeros((200, 3, 2))
     for t in range(200):
         if t:
-            peer.x = f @ peer.x + system.early[0] @ record.start[t - 1] + system.late[0] @ record.end[t - 1]
+            peer.x = f @ peer.x
+            peer.x[:2] += system.early[0] @ record.start[t - 1] + system.late[0] @ record.end[t - 1]
             peer.P = f @ peer.P @ f.T + q
         for c in range(3):
             peer.update(
-                np.array([record.readings[t, c]]), R=np.array([[system.variance[c]]]),
-                H=system.output[0, c][None],
+                np.array([record.readings[t, c] - system.direct[c] @ record.start[t]]),
+                R=np.array([[system.variance[c]]]), H=system.output[0, c][None],
             )  # fmt: skip
             found[t, c] = peer.y.item(), peer.S.item()
     np.testing.assert_allclose(trace.variances[:200], found[:, :, 1], rtol=1e-9)
@@ -100,7 +101,7 @@ def test_innovations_are_those_of_filterpy() -> None:
 def test_settled_gains_are_those_that_would_have_come() -> None:
     made = problem(SITUATIONS["moderate, autopilot"], seconds=30.0)
     window, p = made.windows[0], made.prior.start
-    system, record = made.model.system(p, window), made.model.record(p, window, np.zeros(5))
+    system, record = made.model.system(p, window), made.model.record(window, np.zeros(5))
     kept, renewed = (empty_trace(len(window), 3, system.covariance.shape[0]) for _ in range(2))
     innovations(system, record, kept, True)
     innovations(system, record, renewed, False)
@@ -114,7 +115,7 @@ def test_a_missing_reading_opens_the_gain_again() -> None:
     made = problem(SITUATIONS["moderate, autopilot"], seconds=30.0)
     window, p = made.windows[0], made.prior.start
     window.used[-10] = False
-    system, record = made.model.system(p, window), made.model.record(p, window, np.zeros(5))
+    system, record = made.model.system(p, window), made.model.record(window, np.zeros(5))
     trace: Trace = empty_trace(len(window), 3, system.covariance.shape[0])
     innovations(system, record, trace, True)
     assert trace.renewed[-10:].all()

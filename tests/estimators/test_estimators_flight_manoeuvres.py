@@ -37,7 +37,7 @@ from wingwatch.estimators import (
     output_error,
     solved_as,
 )
-from wingwatch.estimators.batch.servo import ahead, follows_command, lead_steps, moved
+from wingwatch.estimators.offline.servo import ahead, follows_command, lead_steps, moved
 from wingwatch.simulation import FleetSimulation, Scenario, doublet_schedule
 from wingwatch.telemetry import CHANNEL_INDEX, REQUIRED_CHANNELS, SampleBlock, complete
 

@@ -6,7 +6,7 @@ import pytest
 from estimator_plants import PITCH, Array, add_noise, curved_signals, doublets, fourier
 
 from wingwatch.estimators import FourierState
-from wingwatch.estimators.fourier.coherence import coherent_dispersion, gather_coherence
+from wingwatch.estimators.fourier.coherence import dispersion_of_bins, gather_coherence
 from wingwatch.estimators.fourier.noise import Plant, noise_workspace
 from wingwatch.estimators.fourier.solution import solution_workspace
 
@@ -55,11 +55,11 @@ def test_a_misfit_adds_up_over_blocks_whenever_they_are_flown(blocks: int) -> No
     power = sums[2] / WEIGHT  # of the motion, all blocks
     expected = 1.0 + (misfit * power * WEIGHT) @ (misfit * power * WEIGHT) / sums[2].sum()
     assert ratio(sums) == pytest.approx(expected, rel=0.5)
-    assert coherent_dispersion(sums, COLUMNS) > 0.8 * ratio(sums)
+    assert dispersion_of_bins(sums, COLUMNS) > 0.8 * ratio(sums)
 
 
 def test_nothing_flown_widens_nothing() -> None:
-    assert coherent_dispersion(np.zeros((3, BINS)), COLUMNS) == 1.0
+    assert dispersion_of_bins(np.zeros((3, BINS)), COLUMNS) == 1.0
 
 
 def flown(bent: float, noise_share: float, seeds: int) -> FourierState:

@@ -267,7 +267,7 @@ def test_doubt_of_derivatives_widens_the_weights_alone() -> None:
     c = CASES["pitch"]
     work = weighed(c)
     doubt_of(np.eye(6), np.ones(6), c.plant, c.noise, work.doubt)
-    weigh_with_doubt(c.noise, POWER, work)
+    weigh_with_doubt(OMEGA, c.noise, POWER, work)
     rows = np.arange(c.states)
     assert (work.weights[rows, rows, 0] < work.sure[rows, rows, 0]).all()
 

@@ -77,7 +77,7 @@ def test_no_room_imports_itself_by_way_of_others() -> None:
 
 def test_every_file_is_looked_at() -> None:
     modules = modules_of(PACKAGE)
-    assert {"wingwatch", "wingwatch.aircraft.modes", "wingwatch.estimators.batch"} <= modules.keys()
+    assert {"wingwatch", "wingwatch.aircraft.modes", "wingwatch.estimators.offline"} <= modules.keys()
     assert "wingwatch.aircraft.modes" in imported("wingwatch.aircraft", modules)
 
 

@@ -72,7 +72,7 @@ BREACHES = (
     ),
     (
         "estimators/ekf",
-        "import wingwatch.estimators.filter_error.model",
+        "import wingwatch.estimators.offline.window",
         "one estimator does not import another",
     ),
     (
@@ -81,7 +81,7 @@ BREACHES = (
         "what estimators share knows none of them",
     ),
     (
-        "estimators/batch",
+        "estimators/plant",
         "import wingwatch.estimators.ekf.noise",
         "what estimators share knows none of them",
     ),

@@ -147,15 +147,16 @@ class Manoeuvre:
         grid = np.linspace(t[0], t[-1], n)
         if np.abs(t - grid).max() <= _JITTER * self.dt:
             return self
-        flat = {
-            name: _on_grid(grid, t, getattr(self, name).reshape(n, -1)).reshape(getattr(self, name).shape)
-            for name in _COLUMNS
-        }
-        return Manoeuvre(self.config, grid, measured=self.measured, condition=self.condition, **flat)
+        return self.on(grid)
 
-
-def _on_grid(grid: Array, time_s: Array, columns: Array) -> Array:
-    return np.column_stack([np.interp(grid, time_s, c) for c in columns.T])
+    def on(self, grid: Array) -> "Manoeuvre":
+        """The manoeuvre at other stamps (m,), every column on a line between its samples."""
+        columns = {}
+        for name in _COLUMNS:
+            values = getattr(self, name)
+            flat = [np.interp(grid, self.time_s, c) for c in values.reshape(len(self), -1).T]
+            columns[name] = np.column_stack(flat).reshape(grid.size, *values.shape[1:])
+        return Manoeuvre(self.config, grid, measured=self.measured, condition=self.condition, **columns)
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from wingwatch.estimators.batch.endogeneity import Difference
+from wingwatch.estimators.offline.endogeneity import Difference
 
 __all__ = ["BinResiduals", "as_found", "beyond_chance", "covariance_of", "difference"]
 

@@ -16,10 +16,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.estimators.batch.fit import ChannelFit, Fit, confidence_interval, correlation
-from wingwatch.estimators.batch.manoeuvre import Manoeuvre, ManoeuvreConfig
-from wingwatch.estimators.batch.smoothing import white_noise_std
 from wingwatch.estimators.estimate import Estimate, Outcome
+from wingwatch.estimators.offline.fit import ChannelFit, Fit, confidence_interval, correlation
+from wingwatch.estimators.offline.manoeuvre import Manoeuvre, ManoeuvreConfig
+from wingwatch.estimators.offline.smoothing import white_noise_std
 from wingwatch.estimators.reference import offsets, referred_scale
 from wingwatch.estimators.standing import ConcisePosterior, assess
 

@@ -6,7 +6,7 @@ from estimator_kernels import in_python, left_by
 from estimator_plants import PITCH, Array, fourier, noisy_batch, quiet_batch
 
 from wingwatch.estimators import FourierState
-from wingwatch.estimators.fourier.forgetting import EXCITED
+from wingwatch.estimators.evidence.forgetting import EXCITED
 from wingwatch.estimators.fourier.memory import memory_workspace, replace
 from wingwatch.estimators.fourier.state import Memory
 

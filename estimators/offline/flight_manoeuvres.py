@@ -25,17 +25,17 @@ from wingwatch.aircraft.structures import (
     SHORT_PERIOD_ALPHA,
     ModeStructure,
 )
-from wingwatch.estimators.batch.fit import Fit
-from wingwatch.estimators.batch.manoeuvre import (
+from wingwatch.estimators.estimate import Estimate
+from wingwatch.estimators.inertia_coupling import InertiaCoupling
+from wingwatch.estimators.offline.fit import Fit
+from wingwatch.estimators.offline.manoeuvre import (
     FlightColumns,
     Manoeuvre,
     ManoeuvreConfig,
     cut,
     signal_columns,
 )
-from wingwatch.estimators.batch.servo import ahead, follows_command, moved
-from wingwatch.estimators.estimate import Estimate
-from wingwatch.estimators.inertia_coupling import InertiaCoupling
+from wingwatch.estimators.offline.servo import ahead, follows_command, moved
 from wingwatch.estimators.signals import SignalConfig, Signals, known_moments
 from wingwatch.telemetry import CHANNEL_INDEX, INPUT_CHANNELS, MAX_GAP_S, SampleBlock, missing_for
 

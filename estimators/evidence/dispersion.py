@@ -17,6 +17,7 @@ __all__ = [
     "DISPERSION",
     "FREEDOM",
     "PRIOR_FREEDOM",
+    "coherent_dispersion",
     "DispersionWorkspace",
     "disperse",
     "dispersion_of",
@@ -113,6 +114,18 @@ def dispersion_of(scatter):  # type: ignore[no-untyped-def]
     """Mean of the dispersion, a scalar ratio, given chi-square and degrees of freedom in ``scatter``; at least one,
     because sensors' noise is always there."""
     return max((PRIOR_FREEDOM + scatter[CHI_SQUARE]) / (PRIOR_FREEDOM + scatter[FREEDOM]), 1.0)
+
+
+@lean
+def coherent_dispersion(found, expected, freedom, taken):  # type: ignore[no-untyped-def]
+    """Power of the products of residual and motion over that which noise gives them, a scalar ratio, at least one.
+
+    Args:
+        found, expected: that power, and what noise is expected to make of it.
+        freedom: degrees of freedom of ``expected`` (Satterthwaite 1946); taken: how many of them fits have taken.
+    """
+    left = max(freedom - taken, 0.0)
+    return max((PRIOR_FREEDOM + freedom * found / expected) / (PRIOR_FREEDOM + left), 1.0)
 
 
 @lean

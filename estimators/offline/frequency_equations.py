@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.estimators.batch.manoeuvre import Manoeuvre
-from wingwatch.estimators.batch.regression import NoiseModel, equations, noise_model
-from wingwatch.estimators.batch.transform import harmonics_hz, noise_power, transform
+from wingwatch.estimators.offline.manoeuvre import Manoeuvre
+from wingwatch.estimators.offline.regression import NoiseModel, equations, noise_model
+from wingwatch.estimators.offline.transform import harmonics_hz, noise_power, transform
 
 __all__ = ["Curvature", "ManoeuvreBins", "curved", "manoeuvre_bins"]
 

@@ -19,11 +19,14 @@ __all__ = [
     "Fit",
     "autocovariance",
     "channel_fit",
+    "coloured_covariance",
     "coloured_sum",
     "confidence_interval",
     "correlated_pairs",
+    "crosscovariance",
     "correlation",
     "is_white",
+    "no_less_than",
 ]
 
 Array = NDArray[np.float64]
@@ -94,22 +97,27 @@ class Fit:
     converged: bool
 
 
-def autocovariance(
-    residuals: Sequence[Array], others: Sequence[Array] | None = None, lags: int = LAGS
-) -> Array:
-    """Mean of v(i) w(i + k) over all windows for k = 0 to ``lags``, divided by the number of samples (5.52).
+def autocovariance(residuals: Sequence[Array], lags: int = LAGS) -> Array:
+    """Mean of v(i) v(i + k) over all windows for k = 0 to ``lags``, divided by the number of samples (5.52).
+
+    ``residuals``: windows of shape (n_m,), of any lengths.
+    """
+    return np.asarray(crosscovariance(residuals, residuals, lags)[0])
+
+
+def crosscovariance(residuals: Sequence[Array], others: Sequence[Array], lags: int) -> Array:
+    """Mean of v(i) w(i + k), and of w(i) v(i + k), likewise, (2, lags + 1).
 
     Args:
-        residuals: windows of shape (n_m,), of any lengths.
-        others: w, windows of the same lengths; the residuals themselves where None.
-        lags: largest lag.
+        residuals, others: v and w in their SI units, windows of the same shapes (n_m,).
+        lags: largest k.
     """
-    others = residuals if others is None else others
-    sums = np.zeros(lags + 1)
+    sums = np.zeros((2, lags + 1))
     for v, w in zip(residuals, others, strict=True):
-        for k in range(min(lags, v.size - 1) + 1):
-            sums[k] += v[: v.size - k] @ w[k:]
-    return sums / max(sum(v.size for v in residuals), 1)
+        both, most = scipy.signal.correlate(w, v, "full"), min(lags, v.size - 1) + 1
+        sums[0, :most] += both[v.size - 1 : v.size - 1 + most]
+        sums[1, :most] += both[v.size - 1 :: -1][:most]
+    return np.asarray(sums / max(sum(v.size for v in residuals), 1))
 
 
 def channel_fit(
@@ -196,7 +204,7 @@ def is_white(residuals: Sequence[Sequence[Array]], lags: int = LAGS) -> bool:
     """
     for windows in residuals:
         n = sum(v.size for v in windows)
-        c = autocovariance(windows, lags=lags)
+        c = autocovariance(windows, lags)
         if c[0] <= 0.0 or n <= lags + 2:
             continue
         k = np.arange(1, lags + 1)
@@ -227,6 +235,38 @@ def coloured_sum(left: Array, right: Array, covariance: Array, *, taper: bool = 
     forward[:most] = (both[0] * window)[:most]
     backward[:most] = (both[-1] * window)[:most]
     return np.asarray(left.T @ matmul_toeplitz((backward, forward), right))
+
+
+def coloured_covariance(slopes: Sequence[Array], residuals: Sequence[Array], growth: Array) -> Array:
+    """Variance of the score for residuals of the correlations that they have, every channel with itself and with every
+    other one: the middle of (5.53) with sensitivities as regressors, (k, k).
+
+    Args:
+        slopes: by window, (n, channels, k).
+        residuals: by window, (n, channels), 0 where there is none.
+        growth: by channel, what makes a sum of squares a variance: over samples, for degrees of freedom, (channels,).
+    """
+    total = sum(len(r) for r in residuals)
+    lags = max(min(len(r) for r in residuals) // 2, 1)
+    size = np.sqrt(growth * total)
+    rows = [[r[:, c] for r in residuals] for c in range(growth.size)]
+    middle = np.zeros((slopes[0].shape[2],) * 2)
+    for c in range(growth.size):
+        for d in range(c, growth.size):
+            covariance = crosscovariance(rows[c], rows[d], lags) * size[c] * size[d]
+            for s in slopes:
+                part = coloured_sum(s[:, c], s[:, d], covariance)
+                middle += part if c == d else part + part.T
+    return middle
+
+
+def no_less_than(least: Array, covariance: Array) -> Array:
+    """A covariance (k, k) with no variance below ``least``'s, (k, k), and its own correlations.
+
+    Residuals of a short record do not show all of their colour: a fit takes some of it for motion.
+    """
+    factor = np.sqrt(np.maximum(np.diagonal(least) / np.maximum(np.diagonal(covariance), 1e-300), 1.0))
+    return np.asarray(covariance * np.outer(factor, factor))
 
 
 def _parzen(lags: int) -> Array:

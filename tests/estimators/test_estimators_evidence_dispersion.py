@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wingwatch.estimators.kernels.dispersion import (
+from wingwatch.estimators.evidence.dispersion import (
     disperse,
     dispersion_of,
     dispersion_workspace,

@@ -12,9 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.estimators.batch.fit import ChannelFit, Fit, channel_fit
-from wingwatch.estimators.batch.manoeuvre import Manoeuvre
-from wingwatch.estimators.batch.regression import (
+from wingwatch.estimators.estimate import Estimate, Outcome
+from wingwatch.estimators.offline.fit import Fit
+from wingwatch.estimators.offline.guards import guarded
+from wingwatch.estimators.offline.likelihood import Prior, Problem, channel_fits
+from wingwatch.estimators.offline.manoeuvre import Manoeuvre
+from wingwatch.estimators.offline.parameters import Model
+from wingwatch.estimators.offline.regression import (
     ReferredEstimate,
     SolverReport,
     common_forces,
@@ -23,12 +27,9 @@ from wingwatch.estimators.batch.regression import (
     sensor_noise,
     shared_config,
 )
-from wingwatch.estimators.estimate import Estimate, Outcome
-from wingwatch.estimators.filter_error.guards import guarded
-from wingwatch.estimators.filter_error.likelihood import Prior, Problem
-from wingwatch.estimators.filter_error.model import FilterModel, Layout
-from wingwatch.estimators.filter_error.scoring import Solution, solve
-from wingwatch.estimators.filter_error.window import Window, window
+from wingwatch.estimators.offline.scoring import Solution, solve
+from wingwatch.estimators.offline.window import Window, window
+from wingwatch.estimators.plant.motion import Plant
 
 __all__ = ["FilterErrorConfig", "filter_error", "problem_of"]
 
@@ -58,6 +59,9 @@ NAME = "filter-error"
 
 _GUST_SCALE_M = 100.0
 """Expected scale length of gusts; estimated, known to a factor of e."""
+
+_FASTEST_GROWTH = 1.0
+"""Motion that grows faster than this, 1/s, is none of an aircraft that is flown."""
 
 _INTENSITY = 3.0
 """Standard deviation of the ln of unknown intensities: they are known to a factor of twenty."""
@@ -109,10 +113,10 @@ def _report(parts: Sequence[Manoeuvre], problem: Problem, solution: Solution) ->
     # what is known beforehand stays known, whatever the data
     most = np.sqrt(np.maximum(problem.prior.std[:k] ** 2 / np.diagonal(solution.covariance)[:k], 1.0))
     factors = np.minimum(guards.factors, most)
-    channels = _channels(problem, solution)
+    channels, _ = channel_fits(problem, solution.point, np.zeros(problem.model.plant.channels))
     used = int(sum(np.count_nonzero(w.used) for w in problem.windows))
     unknowns = int(np.count_nonzero(problem.free)) + sum(own.size for own in solution.point.own)
-    noise = np.sqrt(problem.model.physical(p).noise + np.mean([w.floor for w in problem.windows], axis=0))
+    noise = np.sqrt(problem.model.noise(p) + np.mean([w.floor for w in problem.windows], axis=0))
     referred = ReferredEstimate(
         p[at.theta] * size, plain, plain * np.outer(factors, factors), True, np.zeros(k, dtype=np.bool_)
     )
@@ -123,36 +127,16 @@ def _report(parts: Sequence[Manoeuvre], problem: Problem, solution: Solution) ->
         solution.converged,
         float(used - unknowns),
     )
-    noise_std = dict(zip(_channel_names(problem), noise.tolist(), strict=True))
+    noise_std = dict(zip(problem.model.plant.channel_names, noise.tolist(), strict=True))
     estimate, fit = finished(NAME, parts, referred, channels, noise_std, solver, size, ())
     if not solution.converged:
         return _unsettled(estimate, "the search for the most likely derivatives did not come to rest"), fit
     if guards.driven > _CONTRADICTED:
         return _unsettled(estimate, "what the surfaces did contradicts what rough air and the rest say"), fit
-    if solution.gusts and at.rolling_air:
-        first = len(at.structure.regressors)
+    if solution.gusts and problem.model.plant.rolling_air:
+        first = len(problem.model.plant.structure.regressors)
         return _unsettled(estimate, "moments of rolling air are not modelled well enough", first), fit
     return estimate, fit
-
-
-def _channel_names(problem: Problem) -> list[str]:
-    s = problem.model.layout.structure
-    return [*s.states, *(f"a_{s.equations[f]}" for f in problem.model.forces)]
-
-
-def _channels(problem: Problem, solution: Solution) -> tuple[ChannelFit, ...]:
-    """Statistics of one-step predictions of every channel that was read."""
-    fits = []
-    for c, name in enumerate(_channel_names(problem)):
-        measured, predicted = [], []
-        for data, trace in zip(problem.windows, solution.point.traces, strict=True):
-            there = data.used[:, c]
-            if there.any():
-                measured.append(data.readings[there, c])
-                predicted.append(data.readings[there, c] - trace.innovations[there, c])
-        if measured:
-            fits.append(channel_fit(name, measured, predicted))
-    return tuple(fits)
 
 
 def problem_of(
@@ -173,16 +157,15 @@ def problem_of(
         )
     forces = np.flatnonzero(common_forces(parts))
     input_noise = _input_noise(parts, config)
-    windows = [window(p, forces, input_noise) for p in parts]
+    windows = [window(p, forces, input_noise, deviations=True) for p in parts]
     mean = plain_start(parts) if expected is None else np.asarray(expected, dtype=np.float64)
     size = np.abs(mean) if natural is None else np.asarray(natural, dtype=np.float64)
     size = np.maximum(size, 1e-6)
-    layout = Layout(s, len(s.states) + forces.size)
     airspeed = float(np.mean([w.airspeed_m_s for w in windows]))
-    model = FilterModel(
-        layout, size, forces, shared.lever_m, config.vane_ahead_m, 4.0 * config.span_m / (math.pi * airspeed)
-    )
-    return Problem(windows, model, _prior(model, windows, mean, config), np.ones(layout.size, dtype=np.bool_))
+    plant = Plant(s, forces, shared.lever_m, config.vane_ahead_m, 4.0 * config.span_m / (math.pi * airspeed))
+    model = Model(plant, True, size, _FASTEST_GROWTH)
+    free = np.ones(model.parameters, dtype=np.bool_)
+    return Problem(windows, model, _prior(model, windows, mean, config), free)
 
 
 def _input_noise(parts: Sequence[Manoeuvre], config: FilterErrorConfig) -> Array:
@@ -202,9 +185,9 @@ def _input_noise(parts: Sequence[Manoeuvre], config: FilterErrorConfig) -> Array
     return np.where(shared.held, 0.0, np.square(config.input_noise_std))
 
 
-def _prior(model: FilterModel, windows: Sequence[Window], mean: Array, config: FilterErrorConfig) -> Prior:
-    at, size = model.layout, model.layout.size
-    ns = model.states
+def _prior(model: Model, windows: Sequence[Window], mean: Array, config: FilterErrorConfig) -> Prior:
+    at, size = model.layout, model.parameters
+    ns = model.plant.states
     airspeed = float(np.mean([w.airspeed_m_s for w in windows]))
     centre, std, step = np.zeros(size), np.ones(size), np.full(size, 1e-3)
     centre[at.theta], std[at.theta], step[at.theta] = mean / model.natural, config.prior_ratio, 1e-4
@@ -213,22 +196,20 @@ def _prior(model: FilterModel, windows: Sequence[Window], mean: Array, config: F
     centre[at.log_noise], std[at.log_noise] = np.log(_roughness(windows)), 3.0
     centre[at.gust], std[at.gust] = math.log(0.02 * airspeed), _INTENSITY
     centre[at.gust_rate_gain], step[at.gust_rate_gain] = 1.0, 1e-4
-    shape = 4.0 if at.structure.states[0] == "w" else 3.0
-    centre[at.log_span_time] = math.log(shape * config.span_m / (math.pi * airspeed))
-    std[at.log_span_time] = 0.7
-    centre[at.log_gust_time] = math.log(_GUST_SCALE_M / airspeed)
-    centre[at.log_moment_time] = math.log(0.5)
+    shape = 4.0 if model.plant.structure.states[0] == "w" else 3.0
+    times = shape * config.span_m / (math.pi * airspeed), _GUST_SCALE_M / airspeed, 0.5
+    centre[at.log_times], std[at.log_times.start] = np.log(times), 0.7
     centre[at.disturbance] = np.log(_disturbances(model, 0.02 * airspeed, config))
     std[at.disturbance] = _INTENSITY
     return Prior(centre, std, centre.copy(), step)
 
 
-def _disturbances(model: FilterModel, gust: float, config: FilterErrorConfig) -> Array:
+def _disturbances(model: Model, gust: float, config: FilterErrorConfig) -> Array:
     """Expected intensities: moments as of a fifth of a degree of the strongest surface, rolling air as gusts make it
     (MIL-F-8785C)."""
-    at, ns = model.layout, model.states
+    ns = model.plant.states
     surfaces = model.natural.reshape(ns, -1)[1:, ns:].max(axis=1) * math.radians(0.2)
-    if not at.rolling_air:
+    if not model.plant.rolling_air:
         return np.asarray(surfaces)
     return np.append(surfaces, 1.9 * gust / math.sqrt(_GUST_SCALE_M * config.span_m))
 

@@ -11,16 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from wingwatch.estimators.filter_error.innovations import filter_columns
-from wingwatch.estimators.filter_error.likelihood import (
+from wingwatch.estimators.offline.innovations import filter_columns
+from wingwatch.estimators.offline.likelihood import (
     Evaluation,
     Problem,
-    Sensitivities,
     information_inverse,
     open_loop,
-    sensitivities,
 )
-from wingwatch.estimators.filter_error.scoring import Solution
+from wingwatch.estimators.offline.scoring import Solution
 
 __all__ = ["Guards", "guarded"]
 
@@ -77,7 +75,7 @@ class _Sums:
 
 def guarded(problem: Problem, solution: Solution) -> Guards:
     """All guards at a solution."""
-    sums = _gathered(problem, solution.point)
+    sums = _gathered(problem, solution)
     k = problem.model.layout.theta.stop
     error = np.sqrt(np.diagonal(solution.covariance)[:k])
     whole = np.sqrt(_sandwich(problem, solution, sums)[:k])
@@ -87,19 +85,18 @@ def guarded(problem: Problem, solution: Solution) -> Guards:
     return Guards(driven, _whiteness(problem, solution.point), _scatter(problem, sums), each)
 
 
-def _gathered(problem: Problem, point: Evaluation) -> _Sums:
+def _gathered(problem: Problem, solution: Solution) -> _Sums:
     size, k = problem.free.size, problem.model.layout.theta.stop
     sums = _Sums(
         [], np.zeros((size, size)), np.zeros((size, size)), np.zeros((k, k)), np.zeros(k), np.zeros((k, size))
     )
-    for m, window in enumerate(problem.windows):
-        s = sensitivities(problem, point, m)
+    for m, (window, s) in enumerate(zip(problem.windows, solution.slope.windows, strict=True)):
         samples, channels = window.readings.shape
         score = s.score().reshape(size, samples, channels).sum(axis=2)
         sums.groups.extend(_grouped(score, max(round(_GROUP_S / window.dt), 1)))
         sums.information += s.information()
-        sums.surface_noise += s.surface_noise_scatter
-        driven = _driven(problem, point, m, s)
+        sums.surface_noise += s.surface_noise_scatter()
+        driven = _driven(problem, solution.point, m)
         sums.driven += driven @ driven.T
         sums.driven_score += driven @ s.innovations
         sums.cross += driven @ s.predicted.T
@@ -112,20 +109,20 @@ def _grouped(score: Array, length: int) -> Sequence[Array]:
     return list(score[:, : groups * length].reshape(score.shape[0], groups, length).sum(axis=2).T)
 
 
-def _driven(problem: Problem, point: Evaluation, m: int, s: Sensitivities) -> Array:
+def _driven(problem: Problem, point: Evaluation, m: int) -> Array:
     """Sensitivities of what is driven by measured surfaces (and gravity) alone, filtered as the data are,
     (k, readings)."""
     window, model, p = problem.windows[m], problem.model, point.parameters
     system, trace = point.systems[m], point.traces[m]
     k = model.layout.theta.stop
-    first = open_loop(model, p, window, system)
+    first = open_loop(model, window, system)
     columns = np.zeros((k, *first.shape))
     for i in range(k):
         moved = p.copy()
         moved[i] += problem.prior.step[i]
-        columns[i] = open_loop(model, moved, window, model.system(moved, window)) - first
+        columns[i] = open_loop(model, window, model.system(moved, window)) - first
         columns[i] /= problem.prior.step[i]
-    filter_columns(system, trace, window.used, columns, np.zeros((k, system.covariance.shape[0])))
+    filter_columns(system, trace, window.used, columns)
     root = 1.0 / np.sqrt(trace.variances)
     flat = (columns * root).reshape(k, -1)
     x = (point.own_columns[m] * root).reshape(-1, flat.shape[1])

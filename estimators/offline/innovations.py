@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from wingwatch.kernels.decorators import compiled, helper
 
-__all__ = ["Record", "System", "Trace", "empty_trace", "filter_columns", "innovations"]
+__all__ = ["Record", "System", "Trace", "empty_trace", "filter_columns", "innovations", "respond"]
 
 Array = NDArray[np.float64]
 
@@ -28,8 +28,9 @@ class System(NamedTuple):
         level: at each sample and over the step after it, (samples,).
         transition: F of each level, (levels, n, n).
         noise: Q, (levels, n, n).
-        early, late: what the forcing at a step's start and at its end adds to the state, (levels, n, forcings).
+        early, late: what the forcing at a step's start and at its end adds to the first states, (levels, s, forcings).
         output: C, (levels, channels, n).
+        direct: what the readings have of the forcing at once, nothing of it in the first s, (channels, forcings).
         variance: R of each channel, (channels,).
         covariance: P before the first reading, (n, n).
     """
@@ -41,6 +42,7 @@ class System(NamedTuple):
     early: Array
     late: Array
     output: Array
+    direct: Array
     variance: Array
     covariance: Array
 
@@ -49,7 +51,7 @@ class Record(NamedTuple):
     """What a filter is given of one window; times are those of the samples.
 
     Attributes:
-        readings: less what goes from the forcing to them at once, (samples, channels).
+        readings: (samples, channels).
         used: whether a reading is there, (samples, channels).
         start, end: forcing at the beginning and at the end of the step after each sample, (samples, forcings).
         state: at the first sample, before its readings, (n,).
@@ -121,7 +123,7 @@ def _spread(f, noise, p, work, count, where):  # type: ignore[no-untyped-def]
 
 
 @helper
-def _advance(system, record, t, x, old):  # type: ignore[no-untyped-def]
+def _advance(system, start, end, t, x, old):  # type: ignore[no-untyped-def]
     """x from sample t - 1 to t, in place."""
     n, at = x.size, system.level[t - 1]
     for i in range(n):
@@ -130,10 +132,22 @@ def _advance(system, record, t, x, old):  # type: ignore[no-untyped-def]
         total = 0.0
         for j in range(n):
             total += system.transition[at, i, j] * old[j]
-        for m in range(record.start.shape[1]):
-            total += system.early[at, i, m] * record.start[t - 1, m]
-            total += system.late[at, i, m] * record.end[t - 1, m]
         x[i] = total
+    for i in range(system.early.shape[1]):
+        for m in range(start.shape[1]):
+            x[i] += system.early[at, i, m] * start[t - 1, m]
+            x[i] += system.late[at, i, m] * end[t - 1, m]
+
+
+@helper
+def _predicted(system, start, t, q, x):  # type: ignore[no-untyped-def]
+    """Reading of channel q at sample t."""
+    total = 0.0
+    for m in range(start.shape[1] if q >= system.early.shape[1] else 0):
+        total += system.direct[q, m] * start[t, m]
+    for i in range(x.size):
+        total += system.output[system.level[t], q, i] * x[i]
+    return total
 
 
 @helper
@@ -182,7 +196,7 @@ def innovations(system, record, trace, lead):  # type: ignore[no-untyped-def]
     for t in range(samples):
         same = t > 0
         if t > 0:
-            _advance(system, record, t, x, old)
+            _advance(system, record.start, record.end, t, x, old)
             same = system.level[t] == system.level[t - 1]
             for q in range(channels):
                 same = same and record.used[t, q] == record.used[t - 1, q]
@@ -201,9 +215,7 @@ def innovations(system, record, trace, lead):  # type: ignore[no-untyped-def]
             else:
                 trace.variances[t, q] = trace.variances[t - 1, q]
                 trace.gains[t, q] = trace.gains[t - 1, q]
-            e = record.readings[t, q]
-            for i in range(n):
-                e -= system.output[system.level[t], q, i] * x[i]
+            e = record.readings[t, q] - _predicted(system, record.start, t, q, x)
             trace.innovations[t, q] = e
             for i in range(n):
                 x[i] += trace.gains[t, q, i] * e
@@ -211,20 +223,42 @@ def innovations(system, record, trace, lead):  # type: ignore[no-untyped-def]
 
 
 @compiled()
-def filter_columns(system, trace, used, readings, states):  # type: ignore[no-untyped-def]
-    """Readings of any number of columns sent through the filter of a trace, in place.
+def respond(system, start, end, state):  # type: ignore[no-untyped-def]
+    """Readings that forcing and a state at the first sample make, without noise or correction.
+
+    Args:
+        system: for its transition, forcing and output.
+        start, end, state: as in ``Record``.
+
+    Returns:
+        (samples, channels).
+    """
+    samples, channels = start.shape[0], system.output.shape[1]
+    n = system.transition.shape[1]
+    x, old, readings = state.copy(), np.zeros(n), np.zeros((samples, channels))
+    for t in range(samples):
+        if t > 0:
+            _advance(system, start, end, t, x, old)
+        for q in range(channels):
+            readings[t, q] = _predicted(system, start, t, q, x)
+    return readings
+
+
+@compiled()
+def filter_columns(system, trace, used, readings):  # type: ignore[no-untyped-def]
+    """Readings of any number of columns sent through the filter of a trace, from rest, in place.
 
     Args:
         system: for its transition and output; trace: for its gains.
         used: (samples, channels).
         readings: (columns, samples, channels); becomes the innovations.
-        states: of each column at the first sample, (columns, n); used up.
     """
     columns, samples, channels = readings.shape
-    n = states.shape[1]
-    old = np.zeros(n)
+    n = system.transition.shape[1]
+    x, old = np.zeros(n), np.zeros(n)
     for c in range(columns):
-        x = states[c]
+        for i in range(n):
+            x[i] = 0.0
         for t in range(samples):
             if t > 0:
                 for i in range(n):

@@ -17,10 +17,23 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from wingwatch.estimators.batch.endogeneity import Difference, left_unexplained, may_be_off, surface_response
-from wingwatch.estimators.batch.fit import ChannelFit, Fit, autocovariance, channel_fit, coloured_sum
-from wingwatch.estimators.batch.manoeuvre import Manoeuvre
-from wingwatch.estimators.batch.regression import (
+from wingwatch.estimators.estimate import Estimate
+from wingwatch.estimators.offline.endogeneity import (
+    Difference,
+    left_unexplained,
+    may_be_off,
+    surface_response,
+)
+from wingwatch.estimators.offline.fit import (
+    ChannelFit,
+    Fit,
+    autocovariance,
+    channel_fit,
+    coloured_sum,
+    crosscovariance,
+)
+from wingwatch.estimators.offline.manoeuvre import Manoeuvre
+from wingwatch.estimators.offline.regression import (
     ReferredEstimate,
     SolverReport,
     common_forces,
@@ -34,14 +47,13 @@ from wingwatch.estimators.batch.regression import (
     signal_share,
     stated_noise,
 )
-from wingwatch.estimators.batch.smoothed_equations import (
+from wingwatch.estimators.offline.smoothed_equations import (
     SmoothedManoeuvre,
     busiest_cutoff_hz,
     inner_samples,
     passed,
     smoothed,
 )
-from wingwatch.estimators.estimate import Estimate
 
 __all__ = ["EquationErrorConfig", "equation_error"]
 
@@ -206,9 +218,7 @@ def _covariances(
         )
         for j in range(ne):
             columns = [[r[:, e] for r in residuals] for e in (i, j)]
-            found = np.stack(
-                [autocovariance(columns[0], columns[1], lags), autocovariance(columns[1], columns[0], lags)]
-            )
+            found = crosscovariance(columns[0], columns[1], lags)
             for m in smooth:
                 theory = np.stack([m.noise.residual[i, j], m.noise.residual[j, i]])
                 middle[0, i, :, j] += coloured_sum(m.right[i], m.right[j], theory, taper=False)
@@ -253,7 +263,7 @@ def _off(
         if np.isfinite(crossed).all() and np.linalg.cond(crossed) < _SINGULAR:
             step = np.linalg.solve(crossed, sum(z.T @ r[:, i] for z, r in zip(tools, residuals, strict=True)))
             other = [z @ np.linalg.inv(crossed).T - h for z, h in zip(tools, plain, strict=True)]
-            colours = autocovariance([r[:, i] for r in residuals], lags=lags) * freedom / left
+            colours = autocovariance([r[:, i] for r in residuals], lags) * freedom / left
             value[:], value[at] = 0.0, step
             covariance[at, at] = sum(coloured_sum(h, h, colours) for h in other)
         one = Difference(value, covariance, bound)

@@ -13,18 +13,19 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from wingwatch.estimators.batch.bin_residuals import (
+from wingwatch.estimators.estimate import Estimate
+from wingwatch.estimators.offline.bin_residuals import (
     BinResiduals,
     as_found,
     beyond_chance,
     covariance_of,
     difference,
 )
-from wingwatch.estimators.batch.endogeneity import left_unexplained, may_be_off, surface_response
-from wingwatch.estimators.batch.fit import ChannelFit, Fit, channel_fit
-from wingwatch.estimators.batch.frequency_equations import ManoeuvreBins, curved, manoeuvre_bins
-from wingwatch.estimators.batch.manoeuvre import Manoeuvre
-from wingwatch.estimators.batch.regression import (
+from wingwatch.estimators.offline.endogeneity import left_unexplained, may_be_off, surface_response
+from wingwatch.estimators.offline.fit import ChannelFit, Fit, channel_fit
+from wingwatch.estimators.offline.frequency_equations import ManoeuvreBins, curved, manoeuvre_bins
+from wingwatch.estimators.offline.manoeuvre import Manoeuvre
+from wingwatch.estimators.offline.regression import (
     ReferredEstimate,
     Solution,
     SolverReport,
@@ -39,8 +40,7 @@ from wingwatch.estimators.batch.regression import (
     signal_share,
     stated_noise,
 )
-from wingwatch.estimators.batch.transform import transform
-from wingwatch.estimators.estimate import Estimate
+from wingwatch.estimators.offline.transform import transform
 
 __all__ = ["FrequencyEquationErrorConfig", "frequency_equation_error"]
 

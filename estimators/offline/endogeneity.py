@@ -19,14 +19,17 @@ and d is too small, the less so the more doublets there are. Where so much is le
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from wingwatch.estimators.batch.manoeuvre import Manoeuvre
-from wingwatch.estimators.batch.output_kernel import Accelerometers, Record, respond
+from wingwatch.estimators.offline.likelihood import open_loop
+from wingwatch.estimators.offline.manoeuvre import Manoeuvre
+from wingwatch.estimators.offline.parameters import Model
+from wingwatch.estimators.offline.window import window
+from wingwatch.estimators.plant.motion import Plant
 
 __all__ = ["Difference", "left_unexplained", "may_be_off", "surface_response"]
 
@@ -68,16 +71,12 @@ def surface_response(part: Manoeuvre, theta: Array) -> Array:
     Returns:
         (n, states); NaN where the response runs away.
     """
-    (ne, width), (n, ns) = theta.shape, part.states.shape
-    inputs = np.ascontiguousarray(part.inputs - part.inputs.mean(axis=0))
-    out, sensitivity = np.empty((n, ns)), np.empty((n, ns, ne * width + ne + ns))
-    moved = Record(
-        part.time_s, inputs, part.held_steps, part.known, np.zeros_like(part.rest), part.stability, part.control,
-        np.zeros(n),
-    )  # fmt: skip
-    none = Accelerometers(np.zeros(0, dtype=np.int64), part.config.lever_m)
-    respond(np.ascontiguousarray(theta.reshape(-1)), np.zeros(ne + ns), False, none, moved, out, sensitivity)
-    return out
+    inputs = part.inputs - part.inputs.mean(axis=0)
+    alone = replace(part, states=0.0 * part.states, rest=0.0 * part.rest, inputs=inputs)
+    none = np.zeros(0, dtype=np.int64)
+    model = Model(Plant(part.config.structure, none, part.config.lever_m), False, np.ones(theta.size), np.inf)
+    data = window(alone, none, np.zeros(inputs.shape[1]), deviations=False)
+    return open_loop(model, data, model.system(theta.reshape(-1), data))
 
 
 def left_unexplained(own: float, due: float, freedom: float) -> float:
@@ -93,7 +92,7 @@ def left_unexplained(own: float, due: float, freedom: float) -> float:
 
 
 def may_be_off(differences: Sequence[Difference]) -> Array:
-    """Covariance by which what no sensor explains may have put the derivatives off, (k, k)."""
+    """Covariance by which what no sensor explains may have put the concise derivatives off, (k, k)."""
     return np.asarray(sum(_of_one(d) for d in differences))
 
 

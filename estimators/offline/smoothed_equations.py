@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dst
 
-from wingwatch.estimators.batch.manoeuvre import Manoeuvre
-from wingwatch.estimators.batch.regression import Equations, equations, noise_model
-from wingwatch.estimators.batch.smoothing import sine_derivative, sine_series, wiener_gains
+from wingwatch.estimators.offline.manoeuvre import Manoeuvre
+from wingwatch.estimators.offline.regression import Equations, equations, noise_model
+from wingwatch.estimators.offline.smoothing import sine_derivative, sine_series, wiener_gains
 
 __all__ = ["SmoothedManoeuvre", "SumNoise", "busiest_cutoff_hz", "inner_samples", "passed", "smoothed"]
 
