@@ -70,8 +70,8 @@ class Told:
     def solved(self, vehicle: str, time_s: float, now_s: float) -> None:
         """A solution was published.
 
-        Whoever takes a vehicle over from a checkpoint goes over the samples that waited in it: its first solution may be
-        older than the last that was published. Where two workers watch a vehicle, that happens again and again.
+        Whoever takes a vehicle over from a checkpoint goes over the samples that waited in it: its first solution may
+        be older than the last that was published. Where two workers watch a vehicle, that happens again and again.
         """
         self.solutions += 1
         if time_s <= self._newest_s.get(vehicle, float("-inf")):

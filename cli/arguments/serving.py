@@ -77,7 +77,9 @@ def add_worker(commands: Commands) -> None:
     )
     _add_config(parser)
     parser.add_argument(
-        "--worker-name", metavar="NAME", help="of this worker, unlike any other (default: a new one)"
+        "--worker-name",
+        metavar="NAME",
+        help="begin of this worker's name, to which each start adds some digits (default: a new one)",
     )
     parser.add_argument(
         "--capacity",
