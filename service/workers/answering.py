@@ -7,6 +7,7 @@ import time
 from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import Any, Protocol, Self
 
 import numpy as np
@@ -63,10 +64,11 @@ class ReportsPort(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True)
 class AnsweringPorts:
     """What a worker answers from.
 
-    Args:
+    Attributes:
         monitor: of its vehicles.
         reports: of its alerts' diagnoses.
         state: what it says of itself.
@@ -78,20 +80,14 @@ class AnsweringPorts:
         capacity: what the worker takes beside others.
     """
 
-    def __init__(
-        self,
-        monitor: AnsweringMonitor,
-        reports: ReportsPort,
-        state: Callable[[], WorkerState],
-        owns: Callable[[str, str], bool] = lambda _fleet, _vehicle: True,
-        announced: Callable[[], Sequence[InboundMessage]] = tuple,
-        release: Callable[[Sequence[tuple[str, str]]], None] = lambda _: None,
-        refresh: Callable[[str, str], None] = lambda _fleet, _vehicle: None,
-        capacity: float = 1.0,
-    ) -> None:
-        self.monitor, self.reports, self.state = monitor, reports, state
-        self.owns, self.announced, self.release = owns, announced, release
-        self.refresh, self.capacity = refresh, capacity
+    monitor: AnsweringMonitor
+    reports: ReportsPort
+    state: Callable[[], WorkerState]
+    owns: Callable[[str, str], bool] = lambda _fleet, _vehicle: True
+    announced: Callable[[], Sequence[InboundMessage]] = tuple
+    release: Callable[[Sequence[tuple[str, str]]], None] = lambda _: None
+    refresh: Callable[[str, str], None] = lambda _fleet, _vehicle: None
+    capacity: float = 1.0
 
 
 class WorkerAnswers:
