@@ -116,14 +116,14 @@ class WatchParts(Protocol):
 
 
 class VehicleWatch:
-    """Implements the keeper's ``WatchPort``, once it has begun.
+    """Implements the keeper's ``WatchPort``, once it is begun.
 
     Args:
-        forget: called with vehicles that gave way to others here, which nobody needs to watch any more.
+        forget: called with vehicles that gave way to others here.
         clock: monotonic seconds.
 
     Attributes:
-        wake: called when a vehicle is heard that was not known; it returns at once.
+        wake: called when a vehicle is there that was not known; it returns at once.
     """
 
     def __init__(
@@ -212,7 +212,7 @@ class VehicleWatch:
         parts.checkpoints.drop(*vehicle)
 
     def tidy(self) -> None:
-        """Give up what the monitor has made room for; a name that is heard again is a new one."""
+        """Give up what the monitor has made room for; a name that sends again is a new one."""
         gone: list[VehicleName] = []
         while self._forgotten:
             gone.append(self._forgotten.popleft())
