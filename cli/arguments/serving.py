@@ -87,6 +87,12 @@ def add_worker(commands: Commands) -> None:
         metavar="X",
         help="what it takes beside others: twice as many vehicles as one with half (default: 1)",
     )
+    parser.add_argument(
+        "--ready-file",
+        type=Path,
+        metavar="FILE",
+        help="that is there while samples are taken in and the end is not asked for, for whoever starts workers",
+    )
     _add_links(parser)
     _add_data(parser)
     _add_watching(parser)

@@ -121,9 +121,6 @@ class VehicleWatch:
     Args:
         forget: called with vehicles that gave way to others here.
         clock: monotonic seconds.
-
-    Attributes:
-        wake: called when a vehicle is there that was not known; it returns at once.
     """
 
     def __init__(
@@ -137,7 +134,6 @@ class VehicleWatch:
         self._watched: set[VehicleName] = set()
         self._forgotten: deque[VehicleName] = deque()
         self._lock = threading.Lock()
-        self.wake: Callable[[], object] = lambda: None
 
     def begin(self, parts: WatchParts) -> None:
         """Vehicles can be watched from now on."""
@@ -153,7 +149,6 @@ class VehicleWatch:
             if len(self._heard) >= _MOST_HEARD:
                 return
             self._heard[fleet, vehicle] = None
-        self.wake()
 
     def watches(self, fleet: str, vehicle: str) -> bool:
         """Whether a vehicle has been taken over, and neither given up nor dropped."""

@@ -114,6 +114,7 @@ def test_worker_and_gateway_say_where_they_are(capsys: pytest.CaptureFixture[str
         (("worker", "--worker-name", "A B"), "worker 'A B' is no valid name"),
         (("worker", "--worker-name", "alive"), "worker 'alive' is no valid name"),
         (("worker", "--capacity", "0"), "0"),
+        (("worker", "--ready-file", "/none/ready"), "--ready-file /none/ready: no such file or directory"),
         (("worker", "--port", "8000"), "--port"),
         (("gateway", "--record", "recordings"), "--record"),
     ],
