@@ -96,13 +96,6 @@ class VehicleQueues:
         self._turn.extend(held_back)
         return taken
 
-    def drop(self, key: Key) -> None:
-        """Forget what waits of a vehicle."""
-        if key in self._queues:
-            self._count(key, -len(self._queues[key]), -self._bytes[key])
-            self._close(key)
-            self._turn.remove(key)
-
     def ages(self, now_s: float) -> Mapping[Key, float]:
         """How long the oldest message of each vehicle has waited, by fleet and name."""
         return {key: now_s - queue[0].received_s for key, queue in self._queues.items()}

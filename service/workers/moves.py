@@ -1,7 +1,8 @@
 """Taking vehicles over from other workers and giving them up, as who watches which changes.
 
 A vehicle that is taken over goes on from its last checkpoint, if there is one in the folder, with its alerts as the
-database has them. One that is given up is no longer subscribed, its last state is saved, and no more is said of it.
+database has them. One that is given up is no longer subscribed, its last state is saved, and no more is said of it. Who
+takes over subscribes first and asks then: what both get is in the state already, and is dropped by its number.
 """
 
 import logging
@@ -47,8 +48,16 @@ class MovingMonitor(Protocol):
 class MovingSubscriber(Protocol):
     """What is needed of the subscriber."""
 
+    def prepare(self, fleet: str, vehicle: str) -> None:
+        """Have its samples wait for a moment."""
+        ...
+
+    def cancel(self, fleet: str, vehicle: str) -> None:
+        """What was prepared is not wanted."""
+        ...
+
     def watch(self, fleet: str, vehicle: str) -> None:
-        """Take its messages from now on."""
+        """Take its messages from now on, those first that have waited."""
         ...
 
     def leave(self, fleet: str, vehicle: str) -> None:
@@ -163,6 +172,8 @@ class VehicleMoves:
         for key in set(self._own) - owned:
             self._give(ports, key)
         fresh = [key for key in everyone if key in owned and key not in self._own]
+        for key in fresh[:_AT_ONCE]:
+            ports.subscriber.prepare(*key)
         if fresh:
             ports.release(fresh[:_AT_ONCE])
         for key in fresh[:_AT_ONCE]:
@@ -170,6 +181,7 @@ class VehicleMoves:
                 self._take(ports, *key)
             except Exception:  # one vehicle's fault must not keep the others from being watched
                 self._heard[key] = self._heard.pop(key)
+                ports.subscriber.cancel(*key)
                 self._count("failed")
                 _LOG.exception("%s/%s cannot be taken over; it is tried again", *key)
         return len(fresh) > _AT_ONCE
@@ -198,6 +210,7 @@ class VehicleMoves:
     def _take(self, ports: MovesPorts, fleet: str, vehicle: str) -> None:
         alerts = self._alerts(ports, fleet, vehicle)
         if alerts is None:
+            ports.subscriber.cancel(fleet, vehicle)
             return
         ports.monitor.take_over(fleet, vehicle, ports.checkpoint(fleet, vehicle), alerts)
         ports.subscriber.watch(fleet, vehicle)

@@ -19,6 +19,7 @@ class Parts:
     down: bool = False
     broken: str = ""
     now_s: float = 0.0
+    prepared: set[str] = field(default_factory=set)
 
     def owned(self, vehicles: Sequence[tuple[str, str]]) -> set[tuple[str, str]]:
         return {key for key in vehicles if key[1] in self.mine}
@@ -35,6 +36,12 @@ class Parts:
 
     def knows(self, fleet: str, vehicle: str) -> bool:
         return False
+
+    def prepare(self, fleet: str, vehicle: str) -> None:
+        self.prepared.add(vehicle)
+
+    def cancel(self, fleet: str, vehicle: str) -> None:
+        self.prepared.discard(vehicle)
 
     def watch(self, fleet: str, vehicle: str) -> None:
         self.said.append(("watched", vehicle))
@@ -87,6 +94,7 @@ def test_a_database_that_does_not_answer_is_waited_for_and_then_done_without() -
     moves.heard("default", "a")
     moves.turn()
     assert not moves.owns("default", "a")
+    assert not parts.prepared
     parts.now_s = 6.0
     moves.turn()
     assert parts.said[-2:] == [("taken", "a"), ("watched", "a")]
