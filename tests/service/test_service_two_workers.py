@@ -157,7 +157,7 @@ def test_an_alert_stands_through_the_end_of_its_worker_and_can_be_acted_on_at_th
     )
     second.close()
     fleet.start("c", fleet.stack)  # nothing is sent to it
-    until(lambda: [one.worker[0] for one in workers(fleet)] == ["c"])
+    until(lambda: [one.name[0] for one in workers(fleet)] == ["c"])
     assert fleet.seen.act_on_alert(alert.id, AlertAction.CLEAR, "lead", "repaired") is not None
     assert fleet.seen.alerts()[0].state is AlertState.CLEARED
 
