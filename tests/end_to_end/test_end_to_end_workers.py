@@ -65,7 +65,7 @@ def test_a_killed_worker_is_replaced_and_all_end_in_order(tmp_path: Path) -> Non
     until(lambda: len(running.workers()) == 2)
     first = running.workers()
     os.kill(first[0], signal.SIGKILL)
-    until(lambda: len(running.workers()) == 2 and first[0] not in running.workers())
+    until(lambda: len(now := running.workers()) == 2 and first[0] not in now)
     problems = running.get("/v1/status").json()["problems"]
     assert f"worker process {first[0]} (number" in problems["workers"]
     assert 'wingwatch_worker_link_total{kind="restarted"} 1.0' in running.get("/metrics").text
