@@ -1,4 +1,4 @@
-"""A gateway and workers as processes over loopback, and three vehicles that fly: what is watched, and what was told.
+"""A gateway and workers as processes over loopback, and three vehicles that fly: what is watched, and what was shown.
 
 The gateway is what vehicles and workers connect to. Workers are ended, killed and frozen by who uses this.
 """
@@ -22,7 +22,7 @@ from wingwatch.aircraft import load_aircraft
 from wingwatch.simulation import AileronEffectiveness, ElevatorEffectiveness, Scenario, doublet_schedule
 from wingwatch.telemetry import ZenohSettings, open_session
 
-__all__ = ["Told", "WorkerFleet", "flown", "worker_fleet"]
+__all__ = ["Shown", "WorkerFleet", "flown", "worker_fleet"]
 
 STREAM = 11
 AT_ONCE_S = 0.05
@@ -41,7 +41,7 @@ def scenarios() -> list[Scenario]:
     ]
 
 
-class Told:
+class Shown:
     """What has been said: alerts by REST, and solutions on Zenoh.
 
     Attributes:
@@ -70,8 +70,8 @@ class Told:
     def solved(self, vehicle: str, time_s: float, now_s: float) -> None:
         """A solution was published.
 
-        Whoever takes a vehicle over from a checkpoint goes over the samples that waited in it: its first solution may be
-        older than the last that was published. Where two workers watch a vehicle, that happens again and again.
+        Whoever takes a vehicle over from a checkpoint goes over the samples that waited in it: its first solution may
+        be older than the last that was published. Where two workers watch a vehicle, that happens again and again.
         """
         self.solutions += 1
         if time_s <= self._newest_s.get(vehicle, float("-inf")):
@@ -106,7 +106,7 @@ class WorkerFleet:
         stack.callback(self.rest.http.close)
         self.rest.wait("/health/live", self._gateway)
         self.session = stack.enter_context(open_session(ZenohSettings.for_vehicle((self._endpoint,))))
-        self.told = Told(self.session)
+        self.shown = Shown(self.session)
         self.flights = Flights(scenarios(), STREAM)
         self._next_s, self._looked_s = time.monotonic(), 0.0
         self.speed = 1.0
@@ -144,7 +144,7 @@ class WorkerFleet:
             time.sleep(min(0.005, max(0.0, self._next_s - time.monotonic())))
 
     def until(self, condition: Callable[[], object], patience_s: float = PATIENCE_S) -> float:
-        """Fly until a condition holds, and look at what is told; how long that took, s.
+        """Fly until a condition holds, and look at what is shown; how long that took, s.
 
         Raises:
             TimeoutError: it does not within the patience.
@@ -169,7 +169,7 @@ class WorkerFleet:
         if time.monotonic() - self._looked_s >= LOOK_S:
             self._looked_s = time.monotonic()
             alerts = self.rest.items("/v1/alerts")
-            self.told.look(alerts, self.rest.items("/v1/vehicles"))
+            self.shown.look(alerts, self.rest.items("/v1/vehicles"))
 
     def vehicles(self) -> dict[str, dict[str, Any]]:
         """As REST shows them, by name."""
@@ -215,5 +215,5 @@ def worker_fleet(folder: Path, *names: str) -> Iterator[WorkerFleet]:
 def flown(fleet: WorkerFleet, alerts: int, speed: float) -> None:
     """Fly, faster than vehicles do, until so many alerts are in force."""
     fleet.speed, before = speed, fleet.speed
-    fleet.until(lambda: len(fleet.told.in_force) >= alerts)
+    fleet.until(lambda: len(fleet.shown.in_force) >= alerts)
     fleet.speed = before

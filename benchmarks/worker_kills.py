@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 from saving import run_benchmark
 from service_process import prepare_kernels
-from worker_fleet import Told, WorkerFleet, flown, worker_fleet
+from worker_fleet import Shown, WorkerFleet, flown, worker_fleet
 
 SHORTEST_S, LONGEST_S = 0.5, 6.0
 """Wall-clock time between two workers' being there and the next kill."""
@@ -35,14 +35,15 @@ class Tally:
 
     Attributes:
         again_s: how long it took until all vehicles were watched again, by kill.
-        told: what was said meanwhile; None before it has begun.
+        shown: what REST and Zenoh have said meanwhile; None before it has begun.
         of_killed: vehicles that the killed workers had.
+        expected: alerts before the first kill; fenced: writes that were refused; messages_lost: of all vehicles.
     """
 
     kills: int = 0
     again_s: list[float] = field(default_factory=list)
     of_killed: list[int] = field(default_factory=list)
-    told: Told | None = None
+    shown: Shown | None = None
     expected: int = 0
     fenced: int = 0
     messages_lost: int = 0
@@ -52,10 +53,10 @@ def course(tally: Tally, kills: int, seed: int, speed: float) -> None:
     """Start, fly and kill so many times."""
     rng = np.random.default_rng(seed)
     with tempfile.TemporaryDirectory() as name, worker_fleet(Path(name), "w0", "w1") as fleet:
-        tally.told = fleet.told
+        tally.shown = fleet.shown
         fleet.until(lambda: fleet.watched(0.0, fleet.workers))
         flown(fleet, len(ILL), BEFORE_SPEED)
-        tally.expected, fleet.speed = len(fleet.told.announced), speed
+        tally.expected, fleet.speed = len(fleet.shown.announced), speed
         for kill in range(kills):
             fleet.wait(float(rng.uniform(SHORTEST_S, LONGEST_S)))
             tally.again_s.append(killed(fleet, ILL[rng.integers(len(ILL))], tally))
@@ -83,21 +84,20 @@ def killed(fleet: WorkerFleet, ill: str, tally: Tally) -> float:
 
 def show(tally: Tally) -> None:
     """Print what was found."""
-    told = tally.told
-    if told is None or not tally.again_s:
+    shown = tally.shown
+    if shown is None or not tally.again_s:
         print("no kill")
         return
     print(
         f"kills: {tally.kills}, of workers with {np.mean(tally.of_killed):.1f} of three vehicles on average"
     )
-    print(f"alerts told before the first kill: {tally.expected}, lost: {len(told.lost)}, "
-          f"told again as another one: {len(told.announced) - tally.expected}, in force at the end: "
-          f"{len(told.in_force)}")  # fmt: skip
-    print(f"looks at which a vehicle with an alert in force was healthy: {told.turned_healthy}")
+    print(f"alerts before the first kill: {tally.expected}, lost: {len(shown.lost)}, raised again as another one: "
+          f"{len(shown.announced) - tally.expected}, in force at the end: {len(shown.in_force)}")  # fmt: skip
+    print(f"faults that turned healthy: {shown.turned_healthy}")
     print(
         f"until all are watched again: median {np.median(tally.again_s):.1f} s, worst {max(tally.again_s):.1f} s"
     )
-    print(f"vehicles watched twice: {len(told.twice)}, by {told.solutions} published solutions")
+    print(f"vehicles watched twice: {len(shown.twice)}, by {shown.solutions} published solutions")
     print(f"writes refused because another worker had the vehicle: {tally.fenced}")
     print(f"messages of ten samples lost while nobody watched: {tally.messages_lost}")
 

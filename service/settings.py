@@ -126,7 +126,7 @@ class ServeSettings(BaseModel):
         documents: folder of the documents' site, served at ``/help``; that of this checkout where one was built.
         workers: processes that watch vehicles; with one the service watches them itself, 0 is one less than the
             machine has processors.
-        worker_name: of this worker; a new one without. capacity: what it takes beside others.
+        worker_name: begin of this worker's name. capacity: what it takes beside others.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -155,7 +155,7 @@ class ServeSettings(BaseModel):
     recording: RecordingTable = RecordingTable()
     documents: Path | None = Field(default_factory=built_documents)
     workers: Annotated[int, Field(strict=True, ge=0, le=MOST_WORKERS)] = 1
-    worker_name: Annotated[str, Field(min_length=1, max_length=63)] | None = None
+    worker_name: Annotated[str, Field(min_length=1, max_length=54)] | None = None
     capacity: Annotated[float, Field(ge=0.001, le=1000.0)] = 1.0
 
     @field_validator("listen", "connect", "aircraft", "name", mode="before")

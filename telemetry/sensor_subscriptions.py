@@ -6,7 +6,6 @@ channel for all. A callback for all would cost as little, and stop whoever compu
 """
 
 import threading
-from collections.abc import Callable
 from typing import Any
 
 import zenoh
@@ -21,7 +20,7 @@ _OF_ONE = 1024
 
 
 class SensorSubscriptions:
-    """Subscriptions of sensors; ``watch`` and ``leave`` may be called in any thread.
+    """Subscriptions of sensors; ``prepare``, ``watch`` and ``leave`` may be called in any thread.
 
     Args:
         session: open.
@@ -32,6 +31,7 @@ class SensorSubscriptions:
         self._session, self._every = session, every
         self._lock = threading.Lock()
         self._own: dict[tuple[str, str], Any] = {}
+        self._prepared: dict[tuple[str, str], Any] = {}
         self._channels: tuple[Any, ...] = ()
         if every:
             channel: Any = zenoh.handlers.FifoChannel(CHANNEL)
@@ -41,20 +41,35 @@ class SensorSubscriptions:
         """Whether a vehicle's are subscribed."""
         return self._every or (fleet, vehicle) in self._own
 
-    def watch(self, fleet: str, vehicle: str, subscribed: Callable[[], object] = lambda: None) -> None:
-        """Subscribe a vehicle's from now on.
-
-        Args:
-            subscribed: called once they are, and before any is given.
-        """
-        if self.wants(fleet, vehicle):
+    def prepare(self, fleet: str, vehicle: str) -> None:
+        """Have a vehicle's messages wait from now on, for a moment: ``watch`` or ``cancel`` follows at once."""
+        if self.wants(fleet, vehicle) or (fleet, vehicle) in self._prepared:
             return
         channel: Any = zenoh.handlers.FifoChannel(_OF_ONE)
         subscriber = self._session.declare_subscriber(vehicle_key(fleet, vehicle, "sensors"), channel)
-        subscribed()
         with self._lock:
-            self._own[fleet, vehicle] = subscriber
-            self._channels = tuple(self._own.values())
+            self._prepared[fleet, vehicle] = subscriber
+
+    def watch(self, fleet: str, vehicle: str) -> None:
+        """Give a vehicle's messages from now on, those first that have waited."""
+        self.prepare(fleet, vehicle)
+        with self._lock:
+            prepared = self._prepared.pop((fleet, vehicle), None)
+            if prepared is not None:
+                self._own[fleet, vehicle] = prepared
+                self._channels = tuple(self._own.values())
+
+    def cancel(self, fleet: str, vehicle: str) -> None:
+        """What was prepared is not wanted."""
+        with self._lock:
+            gone = self._prepared.pop((fleet, vehicle), None)
+        if gone is not None:
+            gone.undeclare()
+
+    def last_of(self, fleet: str, vehicle: str) -> list[zenoh.Sample]:
+        """What waits of one vehicle."""
+        channel = self._own.get((fleet, vehicle))
+        return [] if channel is None else waiting_in(channel)
 
     def leave(self, fleet: str, vehicle: str) -> None:
         """Subscribe a vehicle's no longer; what its channel holds is lost."""
@@ -72,8 +87,9 @@ class SensorSubscriptions:
     def close(self) -> None:
         """End all subscriptions."""
         with self._lock:
-            channels, self._channels = self._channels, ()
+            channels, self._channels = (*self._channels, *self._prepared.values()), ()
             self._own.clear()
+            self._prepared.clear()
         for channel in channels:
             channel.undeclare()
 

@@ -8,10 +8,9 @@ Aircraft messages go before the samples that were taken over with them, for thes
 import logging
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from threading import Event, Lock, Thread
 from types import TracebackType
-from typing import Any, Literal, Self
+from typing import Any, Self
 
 import zenoh
 
@@ -86,6 +85,7 @@ class SensorSubscriber:
         self._counts = {"received": 0, "bad_key": 0}
         self._lock = Lock()
         self._heard = heard
+        self._moving, self._leaving = Lock(), dict[tuple[str, str], None]()
         self._announced: dict[tuple[str, str], InboundMessage] = {}
         self._aircraft: Any = session.declare_subscriber(
             f"{KEY_ROOT}/*/*/aircraft", zenoh.handlers.FifoChannel(CHANNEL)
@@ -157,29 +157,60 @@ class SensorSubscriber:
         """Ask a vehicle what aircraft it is; the answer comes as a message. Never called in Zenoh's thread."""
         self._ask(vehicle_key(fleet, vehicle, "aircraft"))
 
+    def prepare(self, fleet: str, vehicle: str) -> None:
+        """Have a vehicle's samples wait in Zenoh for a moment: ``watch`` or ``cancel`` follows at once."""
+        self._sensors.prepare(fleet, vehicle)
+
+    def cancel(self, fleet: str, vehicle: str) -> None:
+        """What was prepared for a vehicle is not wanted."""
+        self._sensors.cancel(fleet, vehicle)
+
     def watch(self, fleet: str, vehicle: str) -> None:
         """Take a vehicle's messages from now on, beginning with what it has said of its aircraft."""
-        self._sensors.watch(fleet, vehicle, partial(self._begin, fleet, vehicle))
-
-    def _begin(self, fleet: str, vehicle: str) -> None:
-        """Queue what a vehicle has said of its aircraft before its first sample; ask where it has said nothing."""
-        with self._lock:
-            announced = self._announced.get((fleet, vehicle))
-            if announced is not None and self._waiting.add(replace(announced, received_s=self._clock())):
-                self._counts["received"] += 1
+        with self._moving:
+            self._leaving.pop((fleet, vehicle), None)
+            if self._sensors.wants(fleet, vehicle):
+                return
+            with self._lock:
+                announced = self._announced.get((fleet, vehicle))
+                if announced is not None and self._waiting.add(replace(announced, received_s=self._clock())):
+                    self._counts["received"] += 1
+            self._sensors.watch(fleet, vehicle)
         if announced is None:
             self.ask_aircraft(fleet, vehicle)
         elif self._on_arrival is not None:
             self._on_arrival()
 
-    def leave(self, fleet: str, vehicle: str, last: Literal["given_up", "dropped"] = "given_up") -> None:
-        """Take a vehicle's messages no longer; ``last`` comes behind those that were taken out."""
+    def leave(self, fleet: str, vehicle: str) -> None:
+        """Take a vehicle's messages no longer, soon: behind all that have come ``given_up`` is the last one."""
+        with self._moving:
+            self._leaving[fleet, vehicle] = None
+
+    def drop(self, fleet: str, vehicle: str) -> None:
+        """Take a vehicle's messages no longer, nor those that wait: ``dropped`` is the last one."""
         if self._heard is None:
             return
-        self._sensors.leave(fleet, vehicle)
-        with self._lock:
-            self._waiting.drop((fleet, vehicle))
-            self._waiting.add(InboundMessage(fleet, vehicle, last, b"", "", self._clock()))
+        with self._moving:
+            self._leaving.pop((fleet, vehicle), None)
+            self._sensors.cancel(fleet, vehicle)
+            self._sensors.leave(fleet, vehicle)
+            with self._lock:
+                self._waiting.drop((fleet, vehicle))
+                self._waiting.add(InboundMessage(fleet, vehicle, "dropped", b"", "", self._clock()))
+        if self._on_arrival is not None:
+            self._on_arrival()
+
+    def _leave(self) -> None:
+        with self._moving:
+            for fleet, vehicle in self._leaving:
+                if not self._sensors.wants(fleet, vehicle):
+                    continue
+                for sample in self._sensors.last_of(fleet, vehicle):
+                    self._arrived(sample)
+                self._sensors.leave(fleet, vehicle)
+                with self._lock:
+                    self._waiting.add(InboundMessage(fleet, vehicle, "given_up", b"", "", self._clock()))
+            self._leaving.clear()
         if self._on_arrival is not None:
             self._on_arrival()
 
@@ -216,6 +247,8 @@ class SensorSubscriber:
             self._arrived(sample)
         if news and self._on_arrival is not None:
             self._on_arrival()
+        if self._leaving:
+            self._leave()
         return len(news)
 
     def _arrived(self, sample: zenoh.Sample) -> None:

@@ -77,13 +77,21 @@ def add_worker(commands: Commands) -> None:
     )
     _add_config(parser)
     parser.add_argument(
-        "--worker-name", metavar="NAME", help="of this worker, unlike any other (default: a new one)"
+        "--worker-name",
+        metavar="NAME",
+        help="begin of this worker's name, to which each start adds some digits (default: a new one)",
     )
     parser.add_argument(
         "--capacity",
         type=positive,
         metavar="X",
         help="what it takes beside others: twice as many vehicles as one with half (default: 1)",
+    )
+    parser.add_argument(
+        "--ready-file",
+        type=Path,
+        metavar="FILE",
+        help="that is there while samples are taken in and the end is not asked for, for whoever starts workers",
     )
     _add_links(parser)
     _add_data(parser)

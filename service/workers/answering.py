@@ -7,6 +7,7 @@ import time
 from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import Any, Protocol, Self
 
 import numpy as np
@@ -63,10 +64,11 @@ class ReportsPort(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True)
 class AnsweringPorts:
     """What a worker answers from.
 
-    Args:
+    Attributes:
         monitor: of its vehicles.
         reports: of its alerts' diagnoses.
         state: what it says of itself.
@@ -76,17 +78,12 @@ class AnsweringPorts:
             raises DatabaseError where it cannot be taken now.
     """
 
-    def __init__(
-        self,
-        monitor: AnsweringMonitor,
-        reports: ReportsPort,
-        state: Callable[[], WorkerState],
-        owns: Callable[[str, str], bool] = lambda _fleet, _vehicle: True,
-        announced: Callable[[], Sequence[InboundMessage]] = tuple,
-        claim: Callable[[str, str], None] = lambda _fleet, _vehicle: None,
-    ) -> None:
-        self.monitor, self.reports, self.state = monitor, reports, state
-        self.owns, self.announced, self.claim = owns, announced, claim
+    monitor: AnsweringMonitor
+    reports: ReportsPort
+    state: Callable[[], WorkerState]
+    owns: Callable[[str, str], bool] = lambda _fleet, _vehicle: True
+    announced: Callable[[], Sequence[InboundMessage]] = tuple
+    claim: Callable[[str, str], None] = lambda _fleet, _vehicle: None
 
 
 class WorkerAnswers:

@@ -1,14 +1,15 @@
 """The vehicles that a worker watches: taken over, given up and dropped as its keeper says (``WatchPort``).
 
 A vehicle is taken over from the checkpoint that came with its release, else from the newest in the folder, and without
-either from what the database keeps: its alerts are read there in any case. It is given up with its state written.
+either from what the database keeps: its alerts are read there in any case. It is given up with its state written. What
+it sends while it is asked for waits here: what its last worker has taken in as well is dropped by its number.
 """
 
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import Literal, Protocol
+from typing import Protocol
 
 from wingwatch.baselines import Lease, VehicleName
 from wingwatch.monitor import AlertView, SavedVehicle
@@ -18,6 +19,7 @@ __all__ = ["VehicleWatch", "WatchParts"]
 _MOST_HEARD = 20_000
 _PATIENCE_S = 1.0
 _LOOK_S = 0.01
+_EXPECTED_S = 4.0  # an answer comes within two; what waits longer would hold up the link
 
 
 class WatchedMonitor(Protocol):
@@ -38,11 +40,23 @@ class WatchedSubscriber(Protocol):
     """What is needed of the subscriber."""
 
     def watch(self, fleet: str, vehicle: str) -> None:
-        """Take its messages from now on."""
+        """Take its messages from now on, those first that have waited."""
         ...
 
-    def leave(self, fleet: str, vehicle: str, last: Literal["given_up", "dropped"] = "given_up") -> None:
-        """Take its messages no longer."""
+    def prepare(self, fleet: str, vehicle: str) -> None:
+        """Have its samples wait for a moment."""
+        ...
+
+    def cancel(self, fleet: str, vehicle: str) -> None:
+        """What was prepared is not wanted."""
+        ...
+
+    def leave(self, fleet: str, vehicle: str) -> None:
+        """Take its messages no longer, behind all that have come."""
+        ...
+
+    def drop(self, fleet: str, vehicle: str) -> None:
+        """Take its messages no longer, nor those that wait."""
         ...
 
 
@@ -116,14 +130,11 @@ class WatchParts(Protocol):
 
 
 class VehicleWatch:
-    """Implements the keeper's ``WatchPort``, once it has begun.
+    """Implements the keeper's ``WatchPort``, once it is begun.
 
     Args:
-        forget: called with vehicles that gave way to others here, which nobody needs to watch any more.
+        forget: called with vehicles that gave way to others here.
         clock: monotonic seconds.
-
-    Attributes:
-        wake: called when a vehicle is heard that was not known; it returns at once.
     """
 
     def __init__(
@@ -135,9 +146,9 @@ class VehicleWatch:
         self._parts: WatchParts | None = None
         self._heard: dict[VehicleName, None] = {}
         self._watched: set[VehicleName] = set()
+        self._expected: dict[VehicleName, float] = {}
         self._forgotten: deque[VehicleName] = deque()
         self._lock = threading.Lock()
-        self.wake: Callable[[], object] = lambda: None
 
     def begin(self, parts: WatchParts) -> None:
         """Vehicles can be watched from now on."""
@@ -153,11 +164,15 @@ class VehicleWatch:
             if len(self._heard) >= _MOST_HEARD:
                 return
             self._heard[fleet, vehicle] = None
-        self.wake()
 
     def watches(self, fleet: str, vehicle: str) -> bool:
         """Whether a vehicle has been taken over, and neither given up nor dropped."""
         return (fleet, vehicle) in self._watched
+
+    def expect(self, vehicle: VehicleName) -> None:
+        """Another worker is asked for a vehicle: what it sends meanwhile waits here, for a few seconds."""
+        self._begun().subscriber.prepare(*vehicle)
+        self._expected[vehicle] = self._clock()
 
     def forgotten(self, vehicle: VehicleName) -> None:
         """The monitor has made room for another one; returns at once."""
@@ -186,9 +201,10 @@ class VehicleWatch:
             parts.monitor.take_over(*vehicle, saved or parts.checkpoints.read(*vehicle), alerts)
             parts.subscriber.watch(*vehicle)
         except Exception:
-            parts.subscriber.leave(*vehicle, "dropped")
+            parts.subscriber.drop(*vehicle)
             raise
         self._watched.add(vehicle)
+        self._expected.pop(vehicle, None)
         self.heard(*vehicle)  # it may be known here from its lease alone
 
     def stop(self, vehicles: Sequence[VehicleName]) -> Mapping[VehicleName, bytes]:
@@ -198,7 +214,10 @@ class VehicleWatch:
         self._watched -= set(vehicles)
         for vehicle in vehicles:
             parts.subscriber.leave(*vehicle)
-        self._wait(lambda: not any(parts.monitor.knows(*one) for one in vehicles), _PATIENCE_S)
+        if not self._wait(lambda: not any(parts.monitor.knows(*one) for one in vehicles), _PATIENCE_S):
+            for vehicle in vehicles:
+                if parts.monitor.knows(*vehicle):  # too much waits of it: its next worker begins without that
+                    parts.subscriber.drop(*vehicle)
         self._wait(lambda: parts.checkpoints.idle, until_s - self._clock())
         parts.store.wait_for(vehicles, max(0.0, until_s - self._clock()))
         return parts.checkpoints.handed_over(vehicles)
@@ -207,18 +226,22 @@ class VehicleWatch:
         """The vehicle is another worker's already: watch it no longer, and keep nothing of what waits."""
         parts = self._begun()
         self._watched.discard(vehicle)
-        parts.subscriber.leave(*vehicle, "dropped")
+        parts.subscriber.drop(*vehicle)
         parts.store.drop(*vehicle, lease)
         parts.checkpoints.drop(*vehicle)
 
     def tidy(self) -> None:
-        """Give up what the monitor has made room for; a name that is heard again is a new one."""
+        """Give up what the monitor has made room for (a name that sends again is a new one), and what did not come."""
+        late = [one for one, at_s in self._expected.items() if self._clock() - at_s > _EXPECTED_S]
+        for vehicle in late:
+            self._expected.pop(vehicle)
+            self._begun().subscriber.cancel(*vehicle)
         gone: list[VehicleName] = []
         while self._forgotten:
             gone.append(self._forgotten.popleft())
         for vehicle in gone:
             self._watched.discard(vehicle)
-            self._begun().subscriber.leave(*vehicle, "dropped")
+            self._begun().subscriber.drop(*vehicle)
             with self._lock:
                 self._heard.pop(vehicle, None)
         if gone:

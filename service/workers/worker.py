@@ -219,7 +219,7 @@ def running_worker(
             watch.session, name, settings.capacity, lambda: connected(watch.session, watch.link),
             lambda: watch.ingest.problem is None, leases.look,
         )  # fmt: skip
-        ports = KeeperPorts(LeaseTable(watch.database), members, vehicles, moves)
+        ports = KeeperPorts(LeaseTable(watch.database), members, vehicles, _ExpectingMoves(moves, vehicles))
         leases.keeper = WatchKeeper(name, ports, time.monotonic, leave_s)
         worker = Worker(watch, _Keeping(leases.keeper, members, vehicles), settings.capacity)
         answers = AnsweringPorts(
@@ -279,6 +279,19 @@ class _Leases:
         """Something has changed that the keeper may wait for; returns at once."""
         if self.keeper is not None:
             self.keeper.news.set()
+
+
+class _ExpectingMoves:
+    """Implements ``MovesPort``: what a vehicle sends while another worker is asked for it waits here."""
+
+    def __init__(self, moves: ZenohMoves, vehicles: VehicleWatch) -> None:
+        self._moves, self._vehicles = moves, vehicles
+        self.tell = moves.tell
+
+    def ask(self, owner: str, vehicle: VehicleName, answered: Callable[[bytes | None], None]) -> None:
+        """Ask a worker to release a vehicle."""
+        self._vehicles.expect(vehicle)
+        self._moves.ask(owner, vehicle, answered)
 
 
 class _BegunOutputs:

@@ -1,4 +1,4 @@
-"""Workers as processes that leave, freeze, wake and are killed with alerts in force: what was told stands, once."""
+"""Workers as processes that leave, freeze, wake and are killed with alerts in force: what was shown stands, once."""
 
 import signal
 import time
@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import zenoh
-from worker_fleet import Told, WorkerFleet, flown, worker_fleet
+from worker_fleet import Shown, WorkerFleet, flown, worker_fleet
 
 PATIENCE_S = 60.0
 FROZEN_S = 8.0
@@ -31,21 +31,21 @@ def test_solutions_that_go_back_in_time_again_and_again_are_of_two_workers() -> 
     with zenoh.open(
         zenoh.Config.from_json5('{mode: "peer", scouting: {multicast: {enabled: false}}}')
     ) as session:
-        told = Told(session)
+        shown = Shown(session)
         for k, time_s in enumerate((1.0, 1.5, 2.0, 1.8, 2.3, 2.8)):  # taken over at the fourth
-            told.solved("v0", time_s, 0.1 * k)
-        assert told.twice == set()
+            shown.solved("v0", time_s, 0.1 * k)
+        assert shown.twice == set()
         for k, time_s in enumerate((1.0, 1.0, 1.5, 1.5)):
-            told.solved("v1", time_s, 0.1 * k)
-        assert told.twice == {"v1"}
-        assert told.solutions == 10
+            shown.solved("v1", time_s, 0.1 * k)
+        assert shown.twice == {"v1"}
+        assert shown.solutions == 10
 
 
 def test_what_was_told_stands_once_through_an_end_in_order_a_freeze_and_a_kill(tmp_path: Path) -> None:
     with worker_fleet(tmp_path, "a", "b") as fleet:
         fleet.until(lambda: fleet.watched(0.0, fleet.workers))
         flown(fleet, len(ILL), 15.0)
-        told = dict(fleet.told.announced)
+        shown = dict(fleet.shown.announced)
         fleet.speed = 4.0
 
         before, leaving = fleet.vehicles(), owner_of_one(fleet)
@@ -71,6 +71,6 @@ def test_what_was_told_stands_once_through_an_end_in_order_a_freeze_and_a_kill(t
         fleet.signal(killed, signal.SIGKILL)
         assert {watched_by_others(fleet, killed)[name]["state"] for name in ILL} == {"degraded"}
 
-        assert fleet.told.announced == told  # no second alert of what was told
-        assert fleet.told.in_force == set(told)
-        assert (fleet.told.lost, fleet.told.turned_healthy) == (set(), 0)
+        assert fleet.shown.announced == shown  # no second alert of what was shown
+        assert fleet.shown.in_force == set(shown)
+        assert (fleet.shown.lost, fleet.shown.turned_healthy) == (set(), 0)

@@ -65,7 +65,7 @@ def test_a_killed_worker_is_replaced_and_all_end_in_order(tmp_path: Path) -> Non
     until(lambda: len(running.workers()) == 2)
     first = running.workers()
     os.kill(first[0], signal.SIGKILL)
-    until(lambda: len(running.workers()) == 2 and first[0] not in running.workers())
+    until(lambda: len(now := running.workers()) == 2 and first[0] not in now)
     problems = running.get("/v1/status").json()["problems"]
     assert f"worker process {first[0]} (number" in problems["workers"]
     assert 'wingwatch_worker_link_total{kind="restarted"} 1.0' in running.get("/metrics").text
@@ -114,6 +114,7 @@ def test_worker_and_gateway_say_where_they_are(capsys: pytest.CaptureFixture[str
         (("worker", "--worker-name", "A B"), "worker 'A B' is no valid name"),
         (("worker", "--worker-name", "alive"), "worker 'alive' is no valid name"),
         (("worker", "--capacity", "0"), "0"),
+        (("worker", "--ready-file", "/none/ready"), "--ready-file /none/ready: no such file or directory"),
         (("worker", "--port", "8000"), "--port"),
         (("gateway", "--record", "recordings"), "--record"),
     ],

@@ -428,6 +428,8 @@ def test_the_docker_folder_holds_only_these() -> None:
         "compose.yaml",
         "compose.documents.yaml",
         "compose.secure.yaml",
+        "compose.fleet.yaml",
+        "kubernetes",
         "service.secure.toml",
         "grafana",
     }

@@ -142,7 +142,8 @@ def test_an_alert_stands_through_the_end_of_its_worker_and_can_be_acted_on_at_th
     until(lambda: fleet.seen.alerts())
     until(lambda: fleet.seen.vehicle("default", ILL).last_sample_time_s > 124.0)
     (alert,) = fleet.seen.alerts()
-    fleet.start("b", fleet.stack)
+    second = fleet.stack.enter_context(ExitStack())
+    fleet.start("b", second)
     first.close()
     until(lambda: watchers(fleet)[ILL] == "b")
     until(lambda: fleet.seen.vehicle("default", ILL).state is VehicleState.DEGRADED)
@@ -154,6 +155,11 @@ def test_an_alert_stands_through_the_end_of_its_worker_and_can_be_acted_on_at_th
         AlertState.ACKNOWLEDGED,
         "lead: acknowledge (seen)",
     )
+    second.close()
+    fleet.start("c", fleet.stack)  # nothing is sent to it
+    until(lambda: [one.name[0] for one in workers(fleet)] == ["c"])
+    assert fleet.seen.act_on_alert(alert.id, AlertAction.CLEAR, "lead", "repaired") is not None
+    assert fleet.seen.alerts()[0].state is AlertState.CLEARED
 
 
 def total(fleet: Any) -> int:

@@ -25,10 +25,14 @@ class Parts:
     in_monitor: set[VehicleName] = field(default_factory=set)
     down: bool = False
     broken: bool = False
-    idle: bool = True
+    busy: bool = False
 
     def __post_init__(self) -> None:
-        self.monitor = self.subscriber = self.checkpoints = self
+        self.monitor = self.subscriber = self
+        self.checkpoints = SimpleNamespace(
+            idle=True, read=self.read, decoded=self.decoded, begin_hand_over=self.begin_hand_over,
+            handed_over=self.handed_over, drop=self.drop_state,
+        )  # fmt: skip
         self.store = SimpleNamespace(alerts_of=self.alerts_of, wait_for=self.wait_for, drop=self.drop_entries)
 
     def take_over(self, fleet: str, vehicle: str, saved: Any, alerts: Sequence[AlertView]) -> None:
@@ -43,8 +47,19 @@ class Parts:
     def watch(self, fleet: str, vehicle: str) -> None:
         self.said.append(("watch", vehicle))
 
-    def leave(self, fleet: str, vehicle: str, last: str = "given_up") -> None:
-        self.said.append((last, vehicle))
+    def prepare(self, fleet: str, vehicle: str) -> None:
+        self.said.append(("prepare", vehicle))
+
+    def cancel(self, fleet: str, vehicle: str) -> None:
+        self.said.append(("cancel", vehicle))
+
+    def leave(self, fleet: str, vehicle: str) -> None:
+        self.said.append(("given_up", vehicle))
+        if not self.busy:
+            self.in_monitor.discard((fleet, vehicle))
+
+    def drop(self, fleet: str, vehicle: str) -> None:
+        self.said.append(("dropped", vehicle))
         self.in_monitor.discard((fleet, vehicle))
 
     def read(self, fleet: str, vehicle: str) -> Any:
@@ -59,7 +74,7 @@ class Parts:
     def handed_over(self, vehicles: Collection[VehicleName]) -> Mapping[VehicleName, bytes]:
         return dict.fromkeys(vehicles, b"state")
 
-    def drop(self, fleet: str, vehicle: str) -> None:
+    def drop_state(self, fleet: str, vehicle: str) -> None:
         self.said.append(("no checkpoint", vehicle))
 
     def drop_entries(self, fleet: str, vehicle: str, lease: Lease) -> None:
@@ -160,11 +175,33 @@ def test_a_vehicle_that_gave_way_to_another_is_forgotten_until_it_is_heard_again
     assert forgotten == [[UAV]]
     assert watch.known() == ()
     assert parts.said[-1] == ("dropped", "uav1")
-    woken: list[bool] = []
-    watch.wake = lambda: woken.append(True)
     watch.heard(*UAV)
-    watch.heard(*UAV)
-    assert (watch.known(), woken) == ((UAV,), [True])
+    assert watch.known() == (UAV,)
+
+
+def test_a_vehicle_that_is_asked_for_is_prepared_and_not_held_for_long() -> None:
+    now_s = [0.0]
+    parts: Any = Parts()
+    watch = VehicleWatch(clock=lambda: now_s[0])
+    watch.begin(parts)
+    watch.expect(UAV)
+    watch.start(UAV, LEASE, b"state")
+    watch.expect(("default", "uav2"))
+    now_s[0] = 5.0
+    watch.tidy()
+    watch.tidy()
+    said = [one for one in parts.said if one[0] in ("prepare", "cancel")]
+    assert said == [("prepare", "uav1"), ("prepare", "uav2"), ("cancel", "uav2")]
+
+
+def test_a_vehicle_of_which_too_much_waits_is_dropped_after_a_second() -> None:
+    times = iter(range(100))
+    parts: Any = Parts(busy=True)
+    watch = VehicleWatch(clock=lambda: float(next(times)))
+    watch.begin(parts)
+    watch.start(UAV, LEASE, None)
+    watch.stop([UAV])
+    assert [one[0] for one in parts.said[-3:]] == ["given_up", "dropped", "written"]
 
 
 def test_nothing_is_watched_before_it_has_begun(tmp_path: Path) -> None:

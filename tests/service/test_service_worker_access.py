@@ -68,7 +68,7 @@ def test_gateways_ask_workers_and_nobody_answers_in_another_s_name(tmp_path: Pat
             return seen == (0.5, 0.25)
 
         until(said)
-        assert set(members["w1"].workers()) == {"w1", "w2-pod1"}
+        assert set(members["w2-pod1"].workers()) == {"w1", "w2-pod1"}
         question = worker_key("w1", "views")
         for who, answers in (("default.uav1", 0), ("w2", 1)):
             replies = list(sessions[who].get(question, timeout=2.0))
