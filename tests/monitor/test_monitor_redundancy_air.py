@@ -93,3 +93,13 @@ def test_rough_air_is_known_within_ten_seconds() -> None:
     rough = [replace(scenario(aircraft, 3400 + k), turbulence="moderate") for k in range(3)]
     for flight in flown(rough, 60.0):
         assert watched(aircraft, flight)[2] < 0.5 * LOG_THRESHOLD
+
+
+@pytest.mark.parametrize("lost", [1, 2])
+def test_messages_that_are_lost_are_no_fault(lost: int) -> None:
+    """Two or four tenths of a second in the midst of doublets: nobody knows what the aircraft did meanwhile."""
+    aircraft = load_aircraft("aerosonde")
+    for flight in flown([scenario(aircraft, 3500 + k) for k in range(3)], 60.0):
+        pieces = np.split(flight.values, range(10, len(flight), 10))
+        kept = [p for k, p in enumerate(pieces) if not any(at <= k < at + lost for at in range(27, 300, 13))]
+        assert watched(aircraft, SampleBlock(np.concatenate(kept)))[2] < 0.5 * LOG_THRESHOLD

@@ -73,6 +73,9 @@ HELD_S = 0.35
 
 SMOOTHED_S, TURNED_S = 2.0, 0.3
 LATER_S = 0.05
+HOLE, USUAL_SAMPLES = 3.0, 20.0
+"""Over more than so many usual times between samples nobody knows the motion: the mean of both ends is no mean of the
+rates between them, and a doublet in the hole would be a contradiction. The usual time is a mean over so many."""
 MANOEUVRE = 5.0
 """Standard deviations of noise from which a rate or an acceleration shows a scale, a delay or a reading that does not
 follow: a column of noise that e has, too, would explain it."""
@@ -88,8 +91,8 @@ SAMPLES, SQUARE, PRODUCTS, LEFT, LOG_S = range(5)
 """Numbers of ``Segment.scalar``."""
 (
     _STAMP_S, END_S, _ROLL_RATE, _PITCH_RATE, _YAW_RATE, _AIRSPEED_SMOOTH, _THROTTLE_SMOOTH,
-    START_S, _FORCED_AT_S, _NORTHWARD, _EASTWARD,
-) = range(11)  # fmt: skip
+    START_S, _FORCED_AT_S, _NORTHWARD, _EASTWARD, _USUAL_S,
+) = range(12)  # fmt: skip
 """Numbers of ``Memory.clock``."""
 _N, _ROWS = len(RELATIONS), len(ROWS)
 _OF_ROW, _ROUGH = np.array(ROWS), ROUGH
@@ -149,7 +152,7 @@ class Memory(NamedTuple):
     ``servo``: modelled position, last command, and the position ``LATER_S`` later (3, 3);
     ``clock``: last stamp, end of the segment, last three gyro readings, airspeed and throttle smoothed over
     ``SMOOTHED_S``, start of the segment, when a large innovation last began one, direction of flight north and east
-    smoothed over ``TURNED_S``;
+    smoothed over ``TURNED_S``, usual time between samples;
     ``moment``: of each moment's equation the rate, its derivative by the file and the columns as of the last sample (3,
     2 + COLUMNS); ``late_flow``: incidence and sideslip of the last two samples, and their mean (2, 3).
     """
@@ -201,7 +204,7 @@ def new_memory(drift: Array) -> Memory:
     scalar = np.zeros((_ROWS, CHANGES + 1))
     scalar[:, DRIFT] = drift
     scalar[:, _READING] = np.nan
-    clock = np.full(_EASTWARD + 1, np.nan)
+    clock = np.full(_USUAL_S + 1, np.nan)
     return Memory(
         scalar, np.zeros((_ROWS, COLUMNS)), np.zeros((2, _ROWS, COLUMNS)), np.full((3, 3), np.nan), clock,
         np.zeros((3, 2 + COLUMNS)), np.full((2, 3), np.nan),
@@ -437,10 +440,12 @@ def _filter(i, relation, dt, to, model, memory, segment):  # type: ignore[no-unt
     if math.isnan(rate):
         scalar[i, GOING] = 0.0
         return
+    if dt == 0.0:
+        scalar[i, GOING] = 0.0
     if scalar[i, GOING] == 0.0:
         copy_into(psi, memory.effect_rate[0, i])
         copy_into(psi, memory.effect_rate[1, i])
-    if scalar[i, GOING] > 0.0 and dt > 0.0:
+    if scalar[i, GOING] > 0.0:
         decay = math.exp(-dt / tau) if leaky else 1.0
         scalar[i, _X] = scalar[i, _X] * decay + 0.5 * dt * (rate + scalar[i, _RATE])
         scalar[i, _VARIANCE] = scalar[i, _VARIANCE] * decay * decay + scalar[i, DRIFT] * variance * dt
@@ -452,7 +457,7 @@ def _filter(i, relation, dt, to, model, memory, segment):  # type: ignore[no-unt
     scalar[i, _RATE] = rate
     if math.isnan(z):
         return
-    if scalar[i, GOING] == 0.0 or dt == 0.0:
+    if scalar[i, GOING] == 0.0:
         scalar[i, GOING], scalar[i, _LAST] = 1.0, 0.0
         scalar[i, _X] = 0.0 if leaky else z
         scalar[i, _VARIANCE] = 0.5 * scalar[i, DRIFT] * variance * tau if leaky else variance
@@ -542,6 +547,25 @@ def _surprises(dt, to, model, memory, limit):  # type: ignore[no-untyped-def]
 
 
 @lean
+def _since_last(time_s, clock):  # type: ignore[no-untyped-def]
+    """Time since the sample before, s; 0 after a hole, where filters start anew."""
+    dt = time_s - clock[_STAMP_S]
+    if not 0.0 < dt <= MAX_GAP_S:
+        return 0.0
+    usual = dt if math.isnan(clock[_USUAL_S]) else clock[_USUAL_S]
+    return dt if dt <= HOLE * usual else 0.0
+
+
+@lean
+def _note_stamp(time_s, clock):  # type: ignore[no-untyped-def]
+    """This sample is the last one; the usual time between two follows over ``USUAL_SAMPLES``."""
+    dt, usual = time_s - clock[_STAMP_S], clock[_USUAL_S]
+    if 0.0 < dt <= MAX_GAP_S:
+        clock[_USUAL_S] = dt if math.isnan(usual) else usual + (dt - usual) / USUAL_SAMPLES
+    clock[_STAMP_S] = time_s
+
+
+@lean
 def _smooth(row, dt, clock):  # type: ignore[no-untyped-def]
     """Airspeed and throttle over ``SMOOTHED_S``, as far as they are readings."""
     part = 1.0 - math.exp(-dt / SMOOTHED_S)
@@ -576,9 +600,7 @@ def take_samples(values, first, model, memory, segment, limit, work):  # type: i
     clock = memory.clock
     for n in range(first, values.shape[0]):
         row = values[n]
-        dt = row[_T] - clock[_STAMP_S]
-        if not 0.0 < dt <= MAX_GAP_S:
-            dt = 0.0
+        dt = _since_last(row[_T], clock)
         if math.isnan(clock[END_S]):
             clock[END_S], clock[START_S] = row[_T] + SEGMENT_S, row[_T]
         if row[_T] >= clock[END_S] or row[_T] < clock[END_S] - 2.0 * SEGMENT_S:
@@ -591,7 +613,7 @@ def take_samples(values, first, model, memory, segment, limit, work):  # type: i
             now = row[_P + j]
             gyro_rate[j] = (now - clock[_ROLL_RATE + j]) / dt if dt > 0.0 else 0.0
             clock[_ROLL_RATE + j] = now
-        clock[_STAMP_S] = row[_T]
+        _note_stamp(row[_T], clock)
         _smooth(row, dt, clock)
         _surfaces(row, dt, model, memory, to)
         _attitudes(row, dt, gyro_rate, model, memory, to)
