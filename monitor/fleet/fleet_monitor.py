@@ -152,7 +152,7 @@ class FleetMonitor:
 
     def tell_forgotten(self, forgotten: Callable[[VehicleKey], object]) -> None:
         """Each vehicle that gives way to another name is named from now on, with the lock held."""
-        self._vehicles.tell = forgotten
+        self._vehicles.tell_forgotten(forgotten)
 
     def unsaved(self) -> Iterator[SavedVehicle]:
         """States that have changed since they were saved, for whoever ends the service; one copied at a time."""

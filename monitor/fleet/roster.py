@@ -27,7 +27,6 @@ class Roster:
         alarmed: whether an alert of the vehicle stands.
 
     Attributes:
-        tell: called with the name of each vehicle that gives way.
         forgotten: vehicles that gave way; gone: what had been counted of them; refused: messages whose vehicle found no
             place.
     """
@@ -37,10 +36,14 @@ class Roster:
         self._vehicles: dict[VehicleKey, KnownVehicle] = {}
         self._strangers: dict[VehicleKey, None] = {}  # longest silent first
         self._full_until_s = float("-inf")
-        self.tell: Callable[[VehicleKey], object] = lambda _: None
+        self._forgot: Callable[[VehicleKey], object] = lambda _: None
         self.forgotten = 0
         self.gone: dict[str, int] = {}
         self.refused = 0
+
+    def tell_forgotten(self, forgotten: Callable[[VehicleKey], object]) -> None:
+        """Call this with the name of each vehicle that gives way from now on."""
+        self._forgot = forgotten
 
     def __len__(self) -> int:
         return len(self._vehicles)
@@ -99,7 +102,7 @@ class Roster:
         self._vehicles.pop(gone).add_counts(self.gone)
         self._strangers.pop(gone, None)
         self.forgotten += 1
-        self.tell(gone)
+        self._forgot(gone)
         return True
 
     def _silent(self, now_s: float) -> VehicleKey | None:

@@ -97,6 +97,7 @@ def test_the_keyboard_acts_on_the_alert_that_has_the_focus(page: Page, monitor: 
     page.key("Escape")
     page.wait("!document.querySelector('dialog[open]')")
     page.key("j")
+    page.wait("document.activeElement.dataset.alert")
     assert page.ask("document.activeElement.dataset.alert") == "a1"
     page.key("s")
     page.tab.fill("#act-who", "ana")

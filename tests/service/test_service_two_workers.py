@@ -7,6 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+import zenoh
 from fleet_hall import fly_doublets
 from loopback import free_endpoint
 from worker_hall import until
@@ -72,6 +73,7 @@ class Vehicles:
                     vehicle_key("default", name, "sensors"),
                     encode_sensors(k, block, stream=1),
                     encoding=PROTOBUF,
+                    congestion_control=zenoh.CongestionControl.BLOCK,  # a busy machine loses none
                 )
         self.sent += seconds
 
