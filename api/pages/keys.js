@@ -18,7 +18,7 @@ export function listenToKeys({ acting, navigate }) {
   document.getElementById("help").addEventListener("click", () => help.showModal());
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented) return;
-    if (event.target.closest("input, textarea, select, dialog") || !kept("keys", true)) return;
+    if (event.target.closest("input, textarea, select, dialog[open]") || !kept("keys", true)) return;
     if (handled(event.key, { acting, navigate, help })) event.preventDefault();
   });
 }

@@ -95,7 +95,7 @@ def test_the_keyboard_acts_on_the_alert_that_has_the_focus(page: Page, monitor: 
     page.key("?")
     assert "shelve it for a time" in page.text("dialog[open]")
     page.key("Escape")
-    page.wait("!document.querySelector('dialog[open]')")
+    page.wait("!document.querySelector('dialog[open]') && document.querySelector('#view .card[data-alert]')")
     page.key("j")
     page.wait("document.activeElement.dataset.alert")
     assert page.ask("document.activeElement.dataset.alert") == "a1"
