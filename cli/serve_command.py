@@ -19,7 +19,7 @@ from wingwatch.service.refusals import noticed_refusals
 from wingwatch.service.service import running_service
 from wingwatch.service.settings import ServeSettings, serve_settings
 
-__all__ = ["allow_open_files", "await_ready", "run", "write_address"]
+__all__ = ["allow_open_files", "await_ready", "begun", "run", "write_address"]
 
 _LOG = logging.getLogger(__name__)
 _MOST_FILES = 65_536
@@ -55,12 +55,21 @@ class Running(Protocol):
         ...
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Carry out the command."""
+def begun(arguments: argparse.Namespace) -> tuple[ServeSettings, Callable[[str], object]]:
+    """The settings of a process that serves, its logs and open files as they say, and what tells an operator.
+
+    Raises:
+        CommandError: a setting cannot be used; one sentence.
+    """
     settings = serve_settings(arguments, os.environ)
     configure_logs(settings.log_format)
     allow_open_files()
-    tell: Callable[[str], object] = say if settings.log_format == "text" else _LOG.info
+    return settings, say if settings.log_format == "text" else _LOG.info
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Carry out the command."""
+    settings, tell = begun(arguments)
     with asked_to_end() as end, noticed_refusals(settings.zenoh.access is not None) as refusals:
         if settings.worker_count > 1:
             _gateway_and_workers(settings, refusals, end, arguments.json, tell)

@@ -1,31 +1,22 @@
 """`wingwatch worker`: watches vehicles for gateways, until Ctrl-C or SIGTERM."""
 
 import argparse
-import logging
-import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from wingwatch.cli.ending import asked_to_end, leave_at_once
-from wingwatch.cli.serve_command import allow_open_files, await_ready
-from wingwatch.operations.faults import CommandError, say
+from wingwatch.cli.serve_command import await_ready, begun
+from wingwatch.operations.faults import CommandError
 from wingwatch.operations.progress import write_json
-from wingwatch.service.logs import configure_logs
-from wingwatch.service.settings import serve_settings
 from wingwatch.service.workers.worker import running_worker
 
 __all__ = ["run"]
 
-_LOG = logging.getLogger(__name__)
-
 
 def run(arguments: argparse.Namespace) -> int:
     """Carry out the command."""
-    settings = serve_settings(arguments, os.environ)
-    configure_logs(settings.log_format)
-    allow_open_files()
-    tell: Callable[[str], object] = say if settings.log_format == "text" else _LOG.info
+    settings, tell = begun(arguments)
     with (
         asked_to_end() as end,
         _ready_file(arguments.ready_file) as note_ready,

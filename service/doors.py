@@ -6,20 +6,42 @@ import socket
 import ssl
 from collections.abc import Callable
 from contextlib import ExitStack
+from typing import NamedTuple
 
-from wingwatch.api import AccessSettings, beyond_loopback, read_certificate
+from wingwatch.api import AccessSettings, beyond_loopback, listen, read_certificate
 from wingwatch.notifications import Clocks
 from wingwatch.service.notifications import Notifications
 from wingwatch.service.notify_settings import channel_plans
 from wingwatch.service.settings import ServeSettings
-from wingwatch.service.tokens import TokenRegister
+from wingwatch.service.tokens import TokenFile, TokenRegister
 
-__all__ = ["access_of", "notifications_of", "tls_of"]
+__all__ = ["Door", "door_of", "notifications_of"]
 
 _LOG = logging.getLogger(__name__)
 
 
-def tls_of(settings: ServeSettings) -> ssl.SSLContext | None:
+class Door(NamedTuple):
+    """An HTTP port that is taken: its socket, who may come in by which token, and TLS where it is offered."""
+
+    listening: socket.socket
+    tokens: TokenRegister
+    access: AccessSettings
+    tls: ssl.SSLContext | None
+
+
+def door_of(stack: ExitStack, settings: ServeSettings) -> Door:
+    """Take the HTTP port; nobody is answered yet.
+
+    Raises:
+        AddressError, CertificateError, CommandError: one sentence each.
+    """
+    listening = listen(settings.host, settings.port)
+    stack.callback(listening.close)
+    tokens = TokenRegister(TokenFile(settings.data))
+    return Door(listening, tokens, _access(settings, listening, tokens), _tls(settings))
+
+
+def _tls(settings: ServeSettings) -> ssl.SSLContext | None:
     """What TLS is offered with, where a certificate is set."""
     if settings.certificate is None or settings.private_key is None:
         return None
@@ -41,7 +63,7 @@ def notifications_of(
     return stack.enter_context(Notifications(plans, settings.outboxes, Clocks(wall=wall_clock)))
 
 
-def access_of(settings: ServeSettings, listening: socket.socket, tokens: TokenRegister) -> AccessSettings:
+def _access(settings: ServeSettings, listening: socket.socket, tokens: TokenRegister) -> AccessSettings:
     """Who may do what at the address that is listened on.
 
     Raises:

@@ -7,11 +7,11 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from wingwatch import __version__
-from wingwatch.api import AppSettings, HttpServer, ServiceFigures, create_app, listen
+from wingwatch.api import AppSettings, HttpServer, ServiceFigures, create_app
 from wingwatch.monitor import FleetMonitor
 from wingwatch.operations.study_folder import StudyFolder
 from wingwatch.service.aircraft_registry import AircraftRegistry
-from wingwatch.service.doors import access_of, notifications_of, tls_of
+from wingwatch.service.doors import door_of, notifications_of
 from wingwatch.service.health import Health, Parts
 from wingwatch.service.ingest import IngestLoop
 from wingwatch.service.kernels import Preparation
@@ -19,7 +19,6 @@ from wingwatch.service.notifications import NotifyingOutputs
 from wingwatch.service.patient import PatientHistory
 from wingwatch.service.patient_baselines import PatientBaselines
 from wingwatch.service.settings import ServeSettings
-from wingwatch.service.tokens import TokenFile, TokenRegister
 from wingwatch.service.watch import WatchPlan, begin_watch, waiting_for
 
 __all__ = ["Parts", "IngestLoop", "Service", "running_service"]
@@ -120,11 +119,7 @@ def running_service(
             CommandError: one sentence each.
     """
     with ExitStack() as stack:
-        listening = listen(settings.host, settings.port)
-        stack.callback(listening.close)
-        tokens = TokenRegister(TokenFile(settings.data))
-        access = access_of(settings, listening, tokens)
-        tls = tls_of(settings)
+        listening, tokens, access, tls = door_of(stack, settings)
         registry = AircraftRegistry(settings.aircraft)
         if fresh:
             _remove_memory(settings)

@@ -11,20 +11,19 @@ from dataclasses import dataclass
 import zenoh
 
 from wingwatch import __version__
-from wingwatch.api import AppSettings, HttpServer, ServiceFigures, create_app, listen
+from wingwatch.api import AppSettings, HttpServer, ServiceFigures, create_app
 from wingwatch.baselines import open_database
 from wingwatch.monitor import AlertView
 from wingwatch.operations.study_folder import StudyFolder
 from wingwatch.service.aircraft_registry import AircraftRegistry
 from wingwatch.service.database_probe import DatabaseProbe
 from wingwatch.service.diagnosis_jobs import DiagnosisJobs
-from wingwatch.service.doors import access_of, notifications_of, tls_of
+from wingwatch.service.doors import door_of, notifications_of
 from wingwatch.service.notifications import Notifications
 from wingwatch.service.patient import PatientHistory, PatientReader
 from wingwatch.service.patient_baselines import PatientBaselines
 from wingwatch.service.settings import ServeSettings
 from wingwatch.service.stored_alerts import kept_alerts
-from wingwatch.service.tokens import TokenFile, TokenRegister
 from wingwatch.service.watch import DATABASE_PATIENCE_S, link_of
 from wingwatch.service.workers.children import WorkerChildren
 from wingwatch.service.workers.gateway_health import GatewayHealth, GatewayParts
@@ -135,11 +134,7 @@ def running_gateway(
             CommandError: one sentence each.
     """
     with ExitStack() as stack:
-        listening = listen(settings.host, settings.port)
-        stack.callback(listening.close)
-        tokens = TokenRegister(TokenFile(settings.data))
-        access = access_of(settings, listening, tokens)
-        tls = tls_of(settings)
+        listening, tokens, access, tls = door_of(stack, settings)
         registry = AircraftRegistry(settings.aircraft)
         notifications = notifications_of(stack, settings, listening, wall_clock)
         database = stack.enter_context(open_database(settings.where, busy_timeout_s=DATABASE_PATIENCE_S))

@@ -134,6 +134,8 @@ def test_of_two_workers_that_have_a_vehicle_the_one_with_newer_samples_is_shown(
     with hub() as (_, endpoint), worker(endpoint, old, Said("w0")), worker(endpoint, new, Said("w1")):
         gateway = Gateway(endpoint)
         until(lambda: [view.worker for view in gateway.fleet.vehicles()] == ["w1"])
+        until(lambda: len(gateway.fleet.states()) == 2)
+        assert [view.worker for view in gateway.fleet.vehicles()] == ["w1"]
         gateway.close()
 
 
